@@ -1,0 +1,91 @@
+"""The command line: `python -m motionkit info FILE`, `play FILE`, `stylize IN --style STYLE -o OUT`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import webbrowser
+from pathlib import Path
+
+from . import methods
+from .bvh import load, save
+from .errors import MotionKitError
+
+_UNIT_HELP = "metres in one unit of the file (0.01 for centimetres); guessed from the skeleton's size if left out"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("python -m motionkit", description="Human motion style transfer: look, restyle, write.")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    info = commands.add_parser("info", help="what is in a BVH file: joints, frames, size, sides, problems")
+    info.add_argument("file", help="a BVH file")
+    info.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)
+
+    play = commands.add_parser("play", help="open BVH files in a 3D player, a web page that needs no network")
+    play.add_argument("files", nargs="+", help="one or more BVH files, shown side by side")
+    play.add_argument("-o", "--output", help="where to write the page (default: beside the first file)")
+    play.add_argument("--no-open", action="store_true", help="write the page, do not open a browser")
+    play.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)
+
+    stylize = commands.add_parser("stylize", help="give a motion the style of another one, and write BVH")
+    stylize.add_argument("input", help="the motion to restyle, a BVH file")
+    stylize.add_argument("--style", required=True, help="the motion whose style it gets, a BVH file on the same skeleton")
+    stylize.add_argument("-o", "--output", required=True, help="the BVH file to write")
+    stylize.add_argument("--method", default="statistics", help=f"one of: {', '.join(methods.names())}")
+    stylize.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)
+    return parser
+
+
+def _info(args: argparse.Namespace) -> None:
+    motion = load(args.file, args.metres_per_unit)
+    skeleton = motion.skeleton
+    print(motion)
+    print(f"unit: {motion.metres_per_unit:g} m, character about {skeleton.height:.2f} m tall")
+    if len(motion):
+        low, high = motion.positions().flatten(0, 1).amin(0).tolist(), motion.positions().flatten(0, 1).amax(0).tolist()
+        ranges = ", ".join(f"{a} {x:.2f} to {y:.2f}" for a, x, y in zip("xyz", low, high, strict=True))
+        print(f"space, metres: {ranges}")
+    moving = sum(any(c.endswith("position") for c in channels) for channels in skeleton.channels)
+    print(f"joints with position channels: {moving}; body root: {skeleton.names[skeleton.pelvis]}")
+    print("left and right:", "told by the names" if skeleton.twins else "NOT told by the names (mirror needs twins=)")
+    for joint, name in enumerate(skeleton.names):
+        role = next((r for r, j in skeleton.roles.items() if j == joint), "")
+        print(f"  {joint:3d} {'  ' * (len(skeleton.chain(joint)) - 1)}{name:<20} {skeleton.sides[joint]:<7} {role}")
+
+
+def _play(args: argparse.Namespace) -> None:
+    from .viewer import save_html
+
+    motions = [load(f, args.metres_per_unit) for f in args.files]
+    page = save_html(motions, args.output or Path(args.files[0]).with_suffix(".html"))
+    print(page)
+    if not args.no_open:
+        webbrowser.open(Path(page).resolve().as_uri())
+
+
+def _stylize(args: argparse.Namespace) -> None:
+    method = methods.load(args.method)
+    content, style = load(args.input, args.metres_per_unit), load(args.style, args.metres_per_unit)
+    print(save(method.stylize(content, style=style), args.output))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; errors that the user can put right are one line on stderr and exit code 2.
+
+    >>> main(["info", "nowhere.bvh"])
+    2
+    """
+    args = _parser().parse_args(arguments)
+    try:
+        {"info": _info, "play": _play, "stylize": _stylize}[args.command](args)
+    except MotionKitError as error:
+        print(f"motionkit: {error}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # `... | head` has read enough
+        sys.stderr.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,117 @@
+"""Checks for the notebooks' exercises: `mk.exercises.check("name", mine)` says in words what is wrong.
+
+Each exercise has a reference, which is the kit's own function, and a few cases. A stub that returns None or
+`NotImplemented` is taken as "not tried yet", so that a notebook runs as shipped.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from . import rotations as rot
+from .contacts import foot_sliding
+from .errors import MotionKitError
+from .methods.statistics import match_statistics
+from .motion import Motion
+from .skeleton import smpl
+
+
+@dataclass(frozen=True)
+class Exercise:
+    """reference: the right function. cases: argument tuples. hint: what to look at when the numbers differ."""
+
+    reference: Callable
+    cases: Callable[[], list[tuple]]
+    hint: str
+
+
+def _random(*shape: int, seed: int = 0) -> Tensor:
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
+
+
+def _walkers() -> list[tuple]:
+    """Two short motions: one that stands still, one that slides 1 cm a frame."""
+    turns = rot.identity_quaternion(20, 22)
+    still = torch.tensor([0.0, 0.96, 0.0]).expand(20, 3)
+    slide = still + torch.arange(20)[:, None] * torch.tensor([0.0, 0.0, 0.01])
+    return [(Motion.from_root(smpl(), turns, root, 30.0), torch.ones(20, 4, dtype=torch.bool)) for root in (still, slide)]
+
+
+_EXERCISES = {
+    "swing_angle": Exercise(
+        rot.quaternion_angle,
+        lambda: [(rot.normalize(_random(5, 4)), rot.normalize(_random(5, 4, seed=1))), (torch.eye(4)[:1], -torch.eye(4)[:1])],
+        "q and -q are the same rotation, so the angle between them is 0: use the absolute value of w",
+    ),
+    "sixd_to_matrix": Exercise(
+        rot.sixd_to_matrix,
+        lambda: [(_random(7, 6),), (torch.tensor([[2.0, 0, 0, 1, 1, 0]]),)],
+        "scale the first column, take its part out of the second, scale that, and cross them; columns, not rows",
+    ),
+    "slerp": Exercise(
+        rot.slerp,
+        lambda: [(rot.normalize(_random(5, 4)), rot.normalize(_random(5, 4, seed=1)), t) for t in (0.0, 0.3, 1.0)],
+        "go the short way (flip one quaternion when their product is negative) and keep the result at length 1",
+    ),
+    "match_statistics": Exercise(
+        match_statistics,
+        lambda: [(_random(30, 5), 2 * _random(40, 5, seed=1) + 3)],
+        "take mean and spread over frames (dimension 0), with the population's spread (correction=0)",
+    ),
+    "foot_sliding": Exercise(
+        foot_sliding,
+        _walkers,
+        "count only pairs of neighbouring frames that both stand, x and z only, in millimetres",
+    ),
+}
+
+
+def names() -> list[str]:
+    """The exercises there are.
+
+    >>> "slerp" in names()
+    True
+    """
+    return sorted(_EXERCISES)
+
+
+def check(name: str, mine: Callable) -> bool:
+    """Compare a function with the kit's on a few cases, print a sentence, and return whether it is right.
+
+    >>> check("slerp", lambda a, b, t: a)
+    slerp: not yet. In case 2 the largest difference is 0.384. Hint: go the short way (flip one quaternion when their \
+product is negative) and keep the result at length 1
+    False
+    >>> check("slerp", rot.slerp)
+    slerp: right.
+    True
+    """
+    if name not in _EXERCISES:
+        near = difflib.get_close_matches(name, _EXERCISES, 1, 0.3)
+        raise MotionKitError(f"no exercise {name!r}; {'did you mean ' + repr(near[0]) + '? ' if near else ''}all: {', '.join(names())}")
+    problem = _first_problem(_EXERCISES[name], mine)
+    print(f"{name}: {problem or 'right.'}")
+    return problem is None
+
+
+def _first_problem(exercise: Exercise, mine: Callable) -> str | None:
+    for number, case in enumerate(exercise.cases(), 1):
+        wanted = torch.as_tensor(exercise.reference(*case))
+        try:
+            got = mine(*case)
+        except Exception as error:
+            return f"not yet. Case {number} stops with {type(error).__name__}: {error}"
+        if got is None or got is NotImplemented:
+            return "not tried yet: write the function, then run this cell again."
+        got = torch.as_tensor(got)
+        if got.shape != wanted.shape:
+            return f"not yet. In case {number} the shape is {list(got.shape)}; expected {list(wanted.shape)}."
+        gap = float((got - wanted).abs().max())
+        if not gap < 1e-4:
+            return f"not yet. In case {number} the largest difference is {gap:.3g}. Hint: {exercise.hint}"
+    return None

@@ -1,0 +1,96 @@
+"""Paper 1's layout: the root's velocities, joint positions and 6D rotations, all seen from the body."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from .. import kinematics
+from .. import rotations as rot
+from ..motion import Motion
+from .frames import assemble, body_frames, forward_difference, integrate, place
+from .layout import Layout, Row
+
+
+class FacingFree(Layout):
+    """Poses that do not know where they stand or face (paper 1, section 3.1); 4 + 3(J-1) + 6J numbers a frame.
+
+    The root vector o holds the turning speed about Y, the speed to the side and forward, and the height; positions p
+    are relative to the root joint; rotations r are relative to the parent, the root's to the facing direction. The
+    root joint is the skeleton's pelvis, and it comes first. Speeds are per frame, from this frame to the next.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/walk_neutral.bvh")
+    >>> layout = FacingFree()
+    >>> x = layout.encode(walk)
+    >>> x.shape
+    torch.Size([120, 199])
+    >>> gap = layout.decode(x).positions() - walk.at_origin().positions()
+    >>> bool(gap.abs().max() < 1e-3)
+    True
+    """
+
+    components = {
+        "root": ("yaw velocity", "x velocity", "z velocity", "height"),
+        "positions": ("x", "y", "z"),
+        "rotations": ("column 1 x", "column 1 y", "column 1 z", "column 2 x", "column 2 y", "column 2 z"),
+    }
+
+    @property
+    def joints(self) -> dict[str, list[int]]:
+        return {"root": [], "positions": self.order[1:], "rotations": self.order}
+
+    def rows(self) -> list[Row]:
+        return self._lay_out(
+            ("root", "turning about Y; moving left (x) and forward (z); height of the root", "rad, m/frame"),
+            ("positions", "joint relative to the root joint, facing +Z", "m"),
+            ("rotations", "6D, relative to the parent; the root's relative to the facing", "none"),
+        )
+
+    def encode(self, motion: Motion) -> Tensor:
+        """A motion of F frames to features [F, D]; MotionKitError if its skeleton or frame rate is another."""
+        motion = self._take(motion)
+        body = body_frames(motion)
+        turn = rot.wrap(forward_difference(body.yaw)) if len(motion) > 1 else torch.zeros_like(body.yaw)
+        against = rot.yaw_to_quaternion(-body.yaw)
+        step = rot.quaternion_rotate(against, forward_difference(body.root))
+        root = torch.stack((turn, step[:, 0], step[:, 2], body.root[:, 1]), -1)
+        relative = (body.local - body.local[:, self.order[:1]])[:, self.order[1:]]
+        rotations = rot.quaternion_to_sixd(self._against_facing(motion.rotations, body.world, against))[:, self.order]
+        return torch.cat((root, relative.flatten(1), rotations.flatten(1)), -1)
+
+    def _against_facing(self, local: Tensor, world: Tensor, turn: Tensor) -> Tensor:
+        """Local rotations [F, J, 4], but those of the pelvis and of helper joints above it in the world, turned."""
+        local = local.clone()
+        for joint in self.skeleton.chain(self.skeleton.pelvis):
+            local[:, joint] = rot.quaternion_multiply(turn, world[:, joint])
+        return local
+
+    def path(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """Where the body faces [F] and where the root stands on the ground [F, 2], from features [F, D]."""
+        yaw = integrate(x[:, 0])
+        side, forward = x[:, 1], x[:, 2]
+        step = torch.stack((side, torch.zeros_like(side), forward), -1)
+        return yaw, integrate(rot.quaternion_rotate(rot.yaw_to_quaternion(yaw), step))[:, [0, 2]]
+
+    def positions(self, x: Tensor) -> Tensor:
+        """Features [F, D] to joint places [F, J, 3], read from the position slice without any rotation."""
+        x = self._check(x)
+        yaw, ground = self.path(x)
+        relative = x[:, self.slices["positions"]].unflatten(1, (-1, 3))
+        local = torch.cat((torch.zeros_like(relative[:, :1]), relative), 1)
+        local = local + x[:, 3, None, None] * x.new_tensor([0.0, 1.0, 0.0])
+        return place(local[:, self.file_order], yaw, ground)
+
+    def decode(self, x: Tensor) -> Motion:
+        """Features [F, D] to a motion from the rotation slice; bones keep the skeleton's lengths."""
+        x = self._check(x)
+        yaw, ground = self.path(x)
+        found = rot.sixd_to_quaternion(x[:, self.slices["rotations"]].unflatten(1, (-1, 6)))[:, self.file_order]
+        above = list(self.skeleton.chain(self.skeleton.pelvis))
+        world = found.clone()
+        world[:, above] = rot.quaternion_multiply(rot.yaw_to_quaternion(yaw)[:, None], found[:, above])
+        local = found.clone()
+        local[:, above] = kinematics.local_rotations(self.skeleton, world)[:, above]
+        pelvis = torch.stack((ground[:, 0], x[:, 3], ground[:, 1]), -1)
+        return assemble(self.skeleton, rot.unroll(local), pelvis, self.positions(x), self.fps)

@@ -1,0 +1,153 @@
+"""What a feature layout is: named slices of a vector, with encode and decode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ..errors import MotionKitError
+from ..motion import Motion
+from ..skeleton import Skeleton, smpl
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a layout's table: what the numbers from `start` up to `stop` (not included) mean."""
+
+    start: int
+    stop: int
+    name: str
+    meaning: str
+    unit: str
+
+
+class Layout:
+    """Base of the layouts. A layout knows its skeleton and frame rate, because a row of numbers does not.
+
+    skeleton: left out, it is that of the first motion that is encoded, or SMPL's 22 joints if it decodes first.
+    fps: likewise; `default_fps` if it decodes first.
+    """
+
+    default_fps = 30.0
+
+    def __init__(self, skeleton: Skeleton | None = None, fps: float | None = None) -> None:
+        self._skeleton, self._fps = skeleton, fps
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """The skeleton whose joints the numbers speak of."""
+        return self._skeleton or smpl()
+
+    @property
+    def fps(self) -> float:
+        """Frames a second, for velocities and for decoded motions."""
+        return self._fps or self.default_fps
+
+    @property
+    def order(self) -> list[int]:
+        """Joint numbers in the layout's order: the pelvis first, then the others as in the file."""
+        pelvis = self.skeleton.pelvis
+        return [pelvis] + [j for j in range(len(self.skeleton)) if j != pelvis]
+
+    @property
+    def file_order(self) -> list[int]:
+        """The permutation that undoes `order`."""
+        return torch.tensor(self.order).argsort().tolist()
+
+    def rows(self) -> list[Row]:
+        """The layout's table, from the first number to the last."""
+        raise NotImplementedError
+
+    @property
+    def slices(self) -> dict[str, slice]:
+        """Where each named part of the vector lies, such as `slices["positions"]`."""
+        return {r.name: slice(r.start, r.stop) for r in self.rows()}
+
+    @property
+    def size(self) -> int:
+        """D, how many numbers a frame has."""
+        return self.rows()[-1].stop
+
+    def table(self) -> str:
+        """The table as text, for printing."""
+        lines = [f"{'numbers':>9}  {'part':<12} {'unit':<14} meaning"]
+        lines += [f"{f'{r.start}-{r.stop - 1}':>9}  {r.name:<12} {r.unit:<14} {r.meaning}" for r in self.rows()]
+        return "\n".join(lines)
+
+    def describe(self, number: int) -> str:
+        """What one number of the vector means, in words; its joint, if it has one, is `joint_of(number)`."""
+        row = self._row(number)
+        parts = self.components[row.name]
+        joint = self.joint_of(number)
+        part = parts[(number - row.start) % len(parts)]
+        where = f" of {self.skeleton.names[joint]}" if joint is not None else ""
+        return f"{row.name} {part}{where} ({row.unit})"
+
+    def joint_of(self, number: int) -> int | None:
+        """The joint that one number of the vector speaks of, or None where it speaks of the whole body."""
+        row = self._row(number)
+        joints = self.joints[row.name]
+        return joints[(number - row.start) // len(self.components[row.name])] if joints else None
+
+    def _row(self, number: int) -> Row:
+        if not 0 <= number < self.size:
+            raise MotionKitError(f"this layout has numbers 0 to {self.size - 1}; found {number}")
+        return next(r for r in self.rows() if r.start <= number < r.stop)
+
+    # what `describe` needs: for each part the names of its components, and its joints (empty: the whole body)
+    components: dict[str, tuple[str, ...]] = {}
+
+    @property
+    def joints(self) -> dict[str, list[int]]:
+        """For each part, the joints it runs through, in order; empty for parts about the whole body."""
+        raise NotImplementedError
+
+    def _lay_out(self, *parts: tuple[str, str, str]) -> list[Row]:
+        """Rows from (name, meaning, unit), sized by `components` and `joints`."""
+        rows, start = [], 0
+        for name, meaning, unit in parts:
+            stop = start + len(self.components[name]) * max(len(self.joints[name]), 1)
+            rows.append(Row(start, stop, name, meaning, unit))
+            start = stop
+        return rows
+
+    def _take(self, motion: Motion) -> Motion:
+        """Check a motion against the layout, or make the layout fit the first one."""
+        if self._skeleton is None:
+            self._skeleton = motion.skeleton
+        if self._fps is None:
+            self._fps = motion.fps
+        if not motion.skeleton.same_tree(self.skeleton):
+            raise MotionKitError(
+                f"this {type(self).__name__} is for {self.skeleton!r}; found {motion.skeleton!r}: make a layout for it, "
+                f"{type(self).__name__}(motion.skeleton)"
+            )
+        if abs(motion.fps - self.fps) > 1e-3:
+            raise MotionKitError(f"this layout counts {self.fps:g} frames a second: use motion.resample({self.fps:g})")
+        if not len(motion):
+            raise MotionKitError(f"motion {motion.name!r} has no frames to encode")
+        return motion
+
+    def _check(self, x: Tensor) -> Tensor:
+        """Check the shape of features before they are decoded."""
+        x = torch.as_tensor(x)
+        if x.ndim != 2 or x.shape[1] != self.size:
+            raise MotionKitError(
+                f"{type(self).__name__} for {len(self.skeleton)} joints expects [frames, {self.size}]; found "
+                f"{list(x.shape)}"
+            )
+        return x if x.is_floating_point() else x.float()
+
+    def encode(self, motion: Motion) -> Tensor:
+        """A motion of F frames to features [F, D]."""
+        raise NotImplementedError
+
+    def decode(self, x: Tensor) -> Motion:
+        """Features [F, D] to a motion that starts above the origin, facing +Z."""
+        raise NotImplementedError
+
+    def positions(self, x: Tensor) -> Tensor:
+        """Features [F, D] to places of joints in the world, [F, J, 3] metres in the skeleton's order."""
+        raise NotImplementedError

@@ -1,0 +1,59 @@
+"""Reading and writing files so that nothing is ever left half-written."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from .errors import MotionKitError
+
+
+class MotionKitWarning(UserWarning):
+    """Something in a file that was read or written, but that its owner should know of."""
+
+
+def read_bytes(path: str | os.PathLike) -> bytes:
+    """The bytes of a file; a MotionKitError that says what is wrong if it cannot be read.
+
+    >>> read_bytes("nowhere.bvh")
+    Traceback (most recent call last):
+    ...
+    motionkit.errors.MotionKitError: nowhere.bvh: no such file; check the path (working folder and spelling)
+    """
+    try:
+        return Path(path).read_bytes()
+    except FileNotFoundError:
+        raise MotionKitError(f"{path}: no such file; check the path (working folder and spelling)") from None
+    except IsADirectoryError:
+        raise MotionKitError(f"{path}: this is a folder; give one file in it") from None
+    except (OSError, ValueError) as error:
+        raise MotionKitError(f"{path}: cannot be read: {error}") from None
+
+
+def write_atomic(path: str | os.PathLike, content: str | bytes) -> Path:
+    """Write a whole file or nothing: to a temporary file beside it, then renamed. Returns the path.
+
+    Raises MotionKitError if the folder does not exist or cannot be written.
+
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_atomic(Path(folder) / "a.txt", "hello").read_text()
+    'hello'
+    """
+    path = Path(path)
+    data = content.encode() if isinstance(content, str) else content
+    temporary = None
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)  # mkstemp makes private files; a result should be readable as usual
+        os.replace(temporary, path)
+    except OSError as error:
+        raise MotionKitError(f"{path}: cannot be written: {error}; check that the folder exists and has room") from None
+    finally:
+        if temporary and os.path.exists(temporary):
+            os.unlink(temporary)
+    return path

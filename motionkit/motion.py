@@ -1,0 +1,269 @@
+"""A motion: a skeleton, one rotation and one translation a joint and frame, and a frame rate."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from . import kinematics
+from . import rotations as rot
+from .errors import MotionKitError
+from .skeleton import Skeleton
+
+UP = (0.0, 1.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A clip of F frames on J joints. Metres, radians, Y up, facing +Z.
+
+    rotations: [F, J, 4] unit quaternions w x y z, local to the parent. translations: [F, J, 3] metres
+    from the parent, in the parent's frame; for most joints that is the skeleton's offset in every frame,
+    for the root its place in the world, and for joints with position channels whatever was captured. fps:
+    frames a second. metres_per_unit: the unit of the file it came from, used again when it is written.
+    Raises MotionKitError if shapes do not fit the skeleton, a number is not finite (it names joint and
+    frame), or fps is not above 0.
+
+    >>> s = Skeleton(("root", "tip"), (-1, 0), torch.tensor([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
+    >>> m = Motion.from_root(s, rot.identity_quaternion(60, 2), torch.zeros(60, 3), fps=30)
+    >>> m, m.positions().shape
+    (Motion(60 frames at 30 fps, 2.0 s, 2 joints), torch.Size([60, 2, 3]))
+    """
+
+    skeleton: Skeleton
+    rotations: Tensor
+    translations: Tensor
+    fps: float
+    name: str = ""
+    metres_per_unit: float = 1.0
+
+    def __post_init__(self) -> None:
+        joints = len(self.skeleton)
+        frames = len(self.rotations) if getattr(self.rotations, "ndim", 0) else "F"
+        for what, tensor, size in (("rotations", self.rotations, 4), ("translations", self.translations, 3)):
+            if not isinstance(tensor, Tensor):
+                raise MotionKitError(
+                    f"motion {self.name!r}: {what} must be a torch tensor; found a {type(tensor).__name__}; "
+                    "convert it with torch.as_tensor(...)"
+                )
+            if tuple(tensor.shape) != (frames, joints, size):
+                raise MotionKitError(
+                    f"motion {self.name!r}: expected {what} [{frames}, {joints}, {size}] for "
+                    f"{self.skeleton!r}; found {list(tensor.shape)}"
+                )
+            if not torch.isfinite(tensor).all():
+                frame, joint = (int(x) for x in (~torch.isfinite(tensor)).nonzero()[0][:2])
+                raise MotionKitError(
+                    f"motion {self.name!r}: {what} of joint {self.skeleton.names[joint]!r} in frame {frame} "
+                    "is not a finite number; cut the frame out or fill it from its neighbours"
+                )
+        if not 0 < self.fps < 1e6:
+            raise MotionKitError(
+                f"motion {self.name!r}: fps must be between 0 and a million; found {self.fps}"
+            )
+
+    @classmethod
+    def from_root(cls, skeleton: Skeleton, rotations: Tensor, root: Tensor, fps: float, **more) -> Motion:
+        """A motion in which only the root moves through space: rotations [F, J, 4], root [F, 3] metres."""
+        translations = skeleton.offsets.to(root).expand(len(root), -1, -1).clone()
+        translations[:, 0] = root
+        return cls(skeleton, rotations, translations, fps, **more)
+
+    def __len__(self) -> int:
+        return len(self.rotations)
+
+    def __repr__(self) -> str:
+        name = f"{self.name!r}, " if self.name else ""
+        length = f"{len(self)} frames at {self.fps:g} fps, {self.duration:.1f} s"
+        return f"Motion({name}{length}, {len(self.skeleton)} joints)"
+
+    def __getitem__(self, frames: slice | int) -> Motion:
+        """Some of the frames; `m[::2]` halves the frame rate, `m[::-1]` plays backwards, `m[5]` is one frame.
+
+        A slice may reach beyond the ends, as with lists. Raises MotionKitError for a frame that is not there.
+        """
+        if hasattr(frames, "__index__"):
+            number = operator.index(frames)
+            if not -len(self) <= number < len(self):
+                raise MotionKitError(f"{self!r} has no frame {number}; they go from 0 to {len(self) - 1}")
+            number %= len(self)
+            frames = slice(number, number + 1)
+        if not isinstance(frames, slice) or frames.step == 0:
+            raise MotionKitError(f"a motion is cut by frames, m[10:60] or m[5]; found m[{frames!r}]")
+        chosen = list(range(len(self))[frames])
+        return replace(
+            self,
+            rotations=self.rotations[chosen],
+            translations=self.translations[chosen],
+            fps=self.fps / abs(frames.step or 1),
+        )
+
+    def __iter__(self) -> Iterator[Motion]:
+        """Its frames, one after the other, as motions of one frame."""
+        return (self[n] for n in range(len(self)))
+
+    @property
+    def duration(self) -> float:
+        """Seconds: frames divided by frame rate."""
+        return len(self) / self.fps
+
+    def replace(self, **changes) -> Motion:
+        """The same motion with some of its fields changed."""
+        return replace(self, **changes)
+
+    def positions(self) -> Tensor:
+        """Where the joints are in the world: [F, J, 3] metres, joints in the skeleton's order."""
+        return kinematics.forward_kinematics(self.skeleton, self.rotations, self.translations)
+
+    def world_rotations(self) -> Tensor:
+        """How the joints are turned in the world: unit quaternions [F, J, 4]."""
+        return kinematics.world_rotations(self.skeleton, self.rotations)
+
+    def root_path(self) -> Tensor:
+        """The path of the body on the ground, [F, 2]: x and z of the pelvis, metres."""
+        return self.positions()[:, self.skeleton.pelvis][:, [0, 2]]
+
+    def facing(self) -> Tensor:
+        """Where the body faces, yaw [F] in radians, 0 along +Z (see `facing_of`)."""
+        return facing_of(self.skeleton, self.positions(), self.world_rotations())
+
+    def resample(self, fps: float) -> Motion:
+        """The same motion at another frame rate: slerp for rotations, straight lines for translations.
+
+        The first frame stays; the last one is the last time that both rates share or precede.
+        """
+        if not fps > 0:
+            raise MotionKitError(f"cannot resample to {fps} fps; give a rate above 0")
+        if not len(self) or fps == self.fps:
+            return self
+        count = int((len(self) - 1) / self.fps * fps + 1e-6) + 1
+        return self.at(torch.arange(count, dtype=torch.float64) * (self.fps / fps)).replace(fps=float(fps))
+
+    def at(self, frames: Tensor) -> Motion:
+        """The motion read at fractional frame numbers [N], clamped to its ends; slerp in between."""
+        if not len(self):
+            raise MotionKitError(f"motion {self.name!r} has no frames to read from")
+        last = len(self) - 1
+        low = frames.floor().long().clamp(0, max(last - 1, 0))
+        high = (low + 1).clamp(max=last)
+        t = (frames - low).clamp(0, 1).to(self.rotations.dtype)[:, None]
+        turned = rot.slerp(self.rotations[low], self.rotations[high], t)
+        moved = torch.lerp(self.translations[low], self.translations[high], t[..., None])
+        return self.replace(rotations=turned, translations=moved)
+
+    def moved(self, yaw: Tensor | float = 0.0, offset: Sequence[float] | Tensor = (0.0, 0.0, 0.0)) -> Motion:
+        """The motion turned about the world's Y axis by `yaw` radians, then shifted by `offset` metres."""
+        turn = rot.yaw_to_quaternion(torch.as_tensor(yaw, dtype=self.rotations.dtype))
+        rotations, translations = self.rotations.clone(), self.translations.clone()
+        rotations[:, 0] = rot.quaternion_multiply(turn, self.rotations[:, 0])
+        shift = torch.as_tensor(offset, dtype=translations.dtype)
+        translations[:, 0] = rot.quaternion_rotate(turn, self.translations[:, 0]) + shift
+        return self.replace(rotations=rotations, translations=translations)
+
+    def at_origin(self) -> Motion:
+        """The motion moved so that it starts above the origin, facing +Z."""
+        if not len(self):
+            return self
+        turned = self.moved(-self[:1].facing()[0])
+        start = turned[:1].root_path()[0]
+        return turned.moved(offset=(-float(start[0]), 0.0, -float(start[1])))
+
+    def body(self) -> Motion:
+        """The motion without helper joints above the pelvis (say, one on the ground): the pelvis is its root."""
+        pelvis = self.skeleton.pelvis
+        if pelvis == 0:
+            return self
+        keep = self.skeleton.below(pelvis)
+        rotations, translations = self.rotations[:, keep].clone(), self.translations[:, keep].clone()
+        rotations[:, 0] = self.world_rotations()[:, pelvis]
+        translations[:, 0] = self.positions()[:, pelvis]
+        return self.replace(skeleton=self.skeleton.part(keep), rotations=rotations, translations=translations)
+
+    def with_body(self, body: Motion) -> Motion:
+        """The inverse of `body`: helper joints as they are here, the rest from `body`, frame by frame."""
+        pelvis = self.skeleton.pelvis
+        if pelvis == 0:
+            return body.replace(name=self.name, metres_per_unit=self.metres_per_unit)
+        above = self.skeleton.parents[pelvis]
+        back = rot.quaternion_inverse(self.world_rotations()[:, above])
+        rotations, translations = self.rotations.clone(), self.translations.clone()
+        keep = self.skeleton.below(pelvis)
+        rotations[:, keep], translations[:, keep] = body.rotations, body.translations
+        rotations[:, pelvis] = rot.quaternion_multiply(back, body.rotations[:, 0])
+        from_above = body.translations[:, 0] - self.positions()[:, above]
+        translations[:, pelvis] = rot.quaternion_rotate(back, from_above)
+        return self.replace(rotations=rotations, translations=translations)
+
+    def mirror(self, twins: Sequence[int] | None = None) -> Motion:
+        """Left and right exchanged: the motion as a mirror in the plane x = 0 shows it.
+
+        twins: for each joint its mirror twin, where the names do not tell. Raises MotionKitError where
+        neither tells left from right, or a bone is no mirror image of its twin. See `mirroring`.
+        """
+        from .mirroring import mirror
+
+        return mirror(self, twins)
+
+
+def facing_of(skeleton: Skeleton, positions: Tensor, world: Tensor | None = None) -> Tensor:
+    """Where the body faces, yaw [F] in radians: hips and shoulders averaged, crossed with up.
+
+    positions: [F, J, 3] metres. Where the skeleton has no hips and shoulders by name, all its left-right
+    pairs are averaged; where it has no pairs, the yaw of the pelvis in `world` [F, J, 4] is taken, or 0
+    (paper 1, section 3.1).
+
+    >>> offsets = torch.tensor([[0.0, 1, 0], [0.1, 0, 0], [-0.1, 0, 0]])
+    >>> s = Skeleton(("hips", "l_hip", "r_hip"), (-1, 0, 0), offsets)
+    >>> facing_of(s, s.offsets[None])
+    tensor([0.])
+    """
+    pairs = left_right_pairs(skeleton)
+    if pairs:
+        left, right = (list(side) for side in zip(*pairs, strict=True))
+        across = rot.normalize(positions[:, left] - positions[:, right]).mean(1)
+        return rot.direction_to_yaw(torch.linalg.cross(across, across.new_tensor(UP).expand_as(across)))
+    if world is None:
+        return positions.new_zeros(len(positions))
+    return rot.quaternion_to_yaw(world[:, skeleton.pelvis])
+
+
+def left_right_pairs(skeleton: Skeleton) -> list[tuple[int, int]]:
+    """The (left, right) joints that tell where a body faces: hips and shoulders, or else every pair of twins.
+
+    >>> left_right_pairs(Skeleton(("a", "LeftHip", "RightHip"), (-1, 0, 0), torch.zeros(3, 3)))
+    [(1, 2)]
+    """
+    roles = skeleton.roles
+    named = [(roles.get(f"left_{r}"), roles.get(f"right_{r}")) for r in ("hip", "shoulder")]
+    found = [(a, b) for a, b in named if a is not None and b is not None]
+    if found or skeleton.twins is None:
+        return found
+    return [(n, t) for n, t in enumerate(skeleton.twins) if skeleton.sides[n] == "left"]
+
+
+def concatenate(motions: Sequence[Motion]) -> Motion:
+    """Clips one after the other, as they are (no blending); same skeleton and frame rate.
+
+    >>> s = Skeleton(("root",), (-1,), torch.zeros(1, 3))
+    >>> m = Motion.from_root(s, rot.identity_quaternion(10, 1), torch.zeros(10, 3), fps=30)
+    >>> len(concatenate([m, m]))
+    20
+    """
+    if not motions:
+        raise MotionKitError("nothing to concatenate: give at least one motion")
+    first = motions[0]
+    for m in motions[1:]:
+        if not m.skeleton.same_tree(first.skeleton):
+            raise MotionKitError(f"cannot join {m!r} to {first!r}: their skeletons differ")
+        if abs(m.fps - first.fps) > 1e-6:
+            raise MotionKitError(
+                f"cannot join {m.fps:g} fps to {first.fps:g} fps: resample({first.fps:g}) first"
+            )
+    return first.replace(
+        rotations=torch.cat([m.rotations for m in motions]),
+        translations=torch.cat([m.translations for m in motions]),
+    )

@@ -1,0 +1,276 @@
+"""A skeleton: joint names, parents, offsets, and what follows from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from . import anatomy
+from .errors import MotionKitError
+
+POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """Joints in the order of their file, each with a parent that comes before it.
+
+    names: J unique names. parents: J numbers, -1 for the one root (joint 0). offsets: [J, 3] metres, from the parent
+    in the parent's frame (the root's is where it stands at rest). channels: for each joint the BVH channel names in
+    file order; left empty, the root gets positions and rotations and the others rotations in the order Z X Y.
+    end_sites: (joint, offset in metres) for each bone end. twins: each joint's mirror twin; derived from the names
+    if left out.
+
+    >>> s = Skeleton(("Hips", "LeftUpLeg", "RightUpLeg"), (-1, 0, 0), torch.tensor([[0, 0.9, 0], [0.1, 0, 0], [-0.1, 0, 0]]))
+    >>> s.sides, s.twins
+    (('middle', 'left', 'right'), (0, 2, 1))
+    """
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    offsets: Tensor
+    channels: tuple[tuple[str, ...], ...] = ()
+    end_sites: tuple[tuple[int, tuple[float, float, float]], ...] = ()
+    twins: tuple[int, ...] | None = field(default=None)
+
+    def __post_init__(self) -> None:
+        if not self.channels:
+            turns = ("Zrotation", "Xrotation", "Yrotation")
+            object.__setattr__(self, "channels", tuple((POSITION_CHANNELS if p < 0 else ()) + turns for p in self.parents))
+        if self.twins is None:
+            object.__setattr__(self, "twins", anatomy.find_twins(self.names))
+        self._check()
+
+    def _check(self) -> None:
+        count = len(self.names)
+        if not count:
+            raise MotionKitError("a skeleton needs at least one joint; found none")
+        sizes = {"parents": len(self.parents), "offsets": len(self.offsets), "channels": len(self.channels)}
+        if self.twins is not None:
+            sizes["twins"] = len(self.twins)
+        for what, found in sizes.items():
+            if found != count:
+                raise MotionKitError(f"skeleton: expected {count} {what}, one for each joint name; found {found}")
+        if len(set(self.names)) != count:
+            double = next(n for n in self.names if self.names.count(n) > 1)
+            raise MotionKitError(f"skeleton: joint {double!r} appears twice; give every joint a name of its own")
+        for n, parent in enumerate(self.parents):
+            if (n == 0) != (parent < 0) or parent >= n:
+                raise MotionKitError(
+                    f"skeleton: joint {self.names[n]!r} has parent {parent}; expected -1 for joint 0 alone and, for "
+                    "the others, a joint that comes before it"
+                )
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __repr__(self) -> str:
+        return f"Skeleton({len(self)} joints, root {self.names[0]!r}, height {self.height:.2f} m)"
+
+    def index(self, name: str) -> int:
+        """The number of a joint; MotionKitError names the nearest names if there is none of that name."""
+        if name in self.names:
+            return self.names.index(name)
+        import difflib
+
+        near = difflib.get_close_matches(name, self.names, 3, 0.3) or list(self.names[:5])
+        raise MotionKitError(f"no joint {name!r}; did you mean {', '.join(map(repr, near))}? All: {', '.join(self.names)}")
+
+    def same_tree(self, other: Skeleton) -> bool:
+        """Whether both have the same joint names with the same parents, in the same order."""
+        return self is other or (self.names == other.names and self.parents == other.parents)
+
+    @cached_property
+    def sides(self) -> tuple[str, ...]:
+        """For each joint `left`, `right` or `middle`, read from its name."""
+        return tuple(anatomy.split_sides(self.names)[0])
+
+    @cached_property
+    def roles(self) -> dict[str, int]:
+        """Joint numbers by the part they play (`left_hip`, `right_wrist`, ...), see `anatomy.find_roles`."""
+        return anatomy.find_roles(self.names)
+
+    @cached_property
+    def children(self) -> tuple[tuple[int, ...], ...]:
+        """For each joint the numbers of its children."""
+        found: list[list[int]] = [[] for _ in self.names]
+        for n, parent in enumerate(self.parents[1:], 1):
+            found[parent].append(n)
+        return tuple(map(tuple, found))
+
+    @cached_property
+    def levels(self) -> tuple[tuple[int, ...], ...]:
+        """Joint numbers by depth: the root alone, then its children, ...; within a level, leaves come last."""
+        levels, now = [], [0]
+        while now:
+            levels.append(tuple(sorted(now, key=lambda j: not self.children[j])))
+            now = [c for j in levels[-1] for c in self.children[j]]
+        return tuple(levels)
+
+    @cached_property
+    def level_order(self) -> tuple[Tensor, Tensor]:
+        """Joint numbers in the order of `levels`, and the permutation that undoes it; [J] each."""
+        order = torch.tensor([j for level in self.levels for j in level])
+        return order, torch.argsort(order)
+
+    @cached_property
+    def level_plan(self) -> tuple[tuple[Tensor, int], ...]:
+        """For each level below the root, the places of the parents in the level above, and how many joints have children."""
+        plan = []
+        for above, level in zip(self.levels, self.levels[1:], strict=False):
+            parents = torch.tensor([above.index(self.parents[j]) for j in level])
+            plan.append((parents, sum(bool(self.children[j]) for j in level)))
+        return tuple(plan)
+
+    def chain(self, joint: int) -> tuple[int, ...]:
+        """The joints from the root down to `joint`, both included."""
+        path = [joint]
+        while self.parents[path[-1]] >= 0:
+            path.append(self.parents[path[-1]])
+        return tuple(reversed(path))
+
+    def below(self, joint: int) -> list[int]:
+        """A joint and all joints that hang on it, in order."""
+        found = {joint}
+        for n in range(joint + 1, len(self)):
+            if self.parents[n] in found:
+                found.add(n)
+        return sorted(found)
+
+    def part(self, joints: list[int]) -> Skeleton:
+        """The skeleton of some joints (as from `below`), the first of which becomes the root."""
+        place = {j: n for n, j in enumerate(joints)}
+        return Skeleton(
+            tuple(self.names[j] for j in joints),
+            tuple(place.get(self.parents[j], -1) for j in joints),
+            self.offsets[joints],
+            tuple(self.channels[j] for j in joints),
+            tuple((place[j], offset) for j, offset in self.end_sites if j in place),
+        )
+
+    @cached_property
+    def pelvis(self) -> int:
+        """The joint that carries the body: where the legs meet, or else the first joint that branches.
+
+        It is not always the root: many captures put a helper joint on the ground above the hips.
+        """
+        left, right = self.roles.get("left_hip"), self.roles.get("right_hip")
+        if left is not None and right is not None:
+            shared = [a for a, b in zip(self.chain(left), self.chain(right), strict=False) if a == b]
+            return shared[-1] if shared else 0
+        joint = 0
+        while len(self.children[joint]) == 1:
+            joint = self.children[joint][0]
+        return joint if self.children[joint] else 0
+
+    @cached_property
+    def reach(self) -> tuple[float, ...]:
+        """For each joint, the length in metres of the bones between it and the pelvis."""
+        lengths = torch.linalg.vector_norm(self.offsets.double(), dim=-1).tolist()
+        depth, shared = [0.0], [0.0]  # way from the root, and the part of it that the pelvis' way shares
+        spine = set(self.chain(self.pelvis))
+        for n, parent in enumerate(self.parents[1:], 1):
+            depth.append(depth[parent] + lengths[n])
+            shared.append(depth[n] if n in spine else shared[parent])
+        return tuple(d + depth[self.pelvis] - 2 * s for d, s in zip(depth, shared, strict=True))
+
+    @cached_property
+    def height(self) -> float:
+        """About how tall the character stands, metres: a leg (down to the ankle) plus the longest way along the midline.
+
+        Without sides in the names it is the two longest ways from the pelvis together.
+        """
+        ends = list(self.reach)
+        for joint, offset in self.end_sites:
+            ends[joint] = max(ends[joint], self.reach[joint] + sum(x * x for x in offset) ** 0.5)
+        branch = [-1] * len(self)  # the pelvis' child through which a joint hangs on it
+        for n, parent in enumerate(self.parents[1:], 1):
+            branch[n] = n if parent == self.pelvis else branch[parent]
+        longest: dict[int, float] = {}
+        for b, end in zip(branch, ends, strict=True):
+            if b >= 0:
+                longest[b] = max(longest.get(b, 0.0), end)
+        ankles = [self.roles.get(f"{side}_ankle") for side in (anatomy.LEFT, anatomy.RIGHT)]
+        legs = [ends[a] for a in ankles if a is not None and self.children[a]]  # a foot points ahead, not down
+        legs = legs or [v for b, v in longest.items() if self.sides[b] != anatomy.MIDDLE]
+        trunk = [end for j, end in enumerate(ends) if branch[j] >= 0 and self.sides[j] == anatomy.MIDDLE]
+        return max(legs) + max(trunk) if legs and trunk else sum(sorted(longest.values())[-2:])
+
+    @cached_property
+    def body_parts(self) -> dict[str, tuple[int, ...]]:
+        """Joints of the five parts torso, left_arm, right_arm, left_leg, right_leg (paper 5, section 3.4).
+
+        A joint with a side belongs to a leg if the path down to it leaves the midline at the pelvis, else to an arm.
+        """
+        parts: dict[str, list[int]] = {p: [] for p in ("torso", "left_arm", "right_arm", "left_leg", "right_leg")}
+        for j, side in enumerate(self.sides):
+            if side == anatomy.MIDDLE:
+                parts["torso"].append(j)
+                continue
+            leaves = next(self.parents[a] for a in self.chain(j) if self.sides[a] != anatomy.MIDDLE)
+            parts[f"{side}_{'leg' if leaves in (self.pelvis, -1) else 'arm'}"].append(j)
+        return {name: tuple(joints) for name, joints in parts.items()}
+
+    def feet(self) -> tuple[int, ...]:
+        """Joints that touch the ground: left and right ankle and toe where names tell, else every leg's last two.
+
+        Raises MotionKitError if no joint can be taken for a foot.
+        """
+        named = [self.roles.get(f"{s}_{r}") for s in (anatomy.LEFT, anatomy.RIGHT) for r in ("ankle", "toe")]
+        if all(n is not None for n in named[::2]):
+            return tuple(n for n in named if n is not None)
+        legs = self.body_parts["left_leg"] + self.body_parts["right_leg"]
+        tips = [j for j in legs if not self.children[j]]
+        if not tips:
+            raise MotionKitError(f"cannot tell the feet among {', '.join(self.names)}; name them with feet=[...]")
+        return tuple(sorted({j for t in tips for j in (self.parents[t], t) if j in legs}))
+
+
+# SMPL's 22 body joints in their usual order: name, parent, offset in metres of a person 1.75 m tall in T-pose.
+_SMPL = (
+    ("pelvis", -1, (0.0, 0.96, 0.0)),
+    ("left_hip", 0, (0.09, -0.06, 0.0)),
+    ("right_hip", 0, (-0.09, -0.06, 0.0)),
+    ("spine1", 0, (0.0, 0.11, -0.01)),
+    ("left_knee", 1, (0.0, -0.4, 0.0)),
+    ("right_knee", 2, (0.0, -0.4, 0.0)),
+    ("spine2", 3, (0.0, 0.13, 0.01)),
+    ("left_ankle", 4, (0.0, -0.42, 0.0)),
+    ("right_ankle", 5, (0.0, -0.42, 0.0)),
+    ("spine3", 6, (0.0, 0.08, 0.0)),
+    ("left_foot", 7, (0.0, -0.06, 0.13)),
+    ("right_foot", 8, (0.0, -0.06, 0.13)),
+    ("neck", 9, (0.0, 0.21, -0.02)),
+    ("left_collar", 9, (0.07, 0.13, -0.01)),
+    ("right_collar", 9, (-0.07, 0.13, -0.01)),
+    ("head", 12, (0.0, 0.1, 0.03)),
+    ("left_shoulder", 13, (0.11, 0.02, -0.01)),
+    ("right_shoulder", 14, (-0.11, 0.02, -0.01)),
+    ("left_elbow", 16, (0.27, 0.0, 0.0)),
+    ("right_elbow", 17, (-0.27, 0.0, 0.0)),
+    ("left_wrist", 18, (0.25, 0.0, 0.0)),
+    ("right_wrist", 19, (-0.25, 0.0, 0.0)),
+)
+_SMPL_ENDS = (
+    ("left_foot", (0.0, 0.0, 0.07)),
+    ("right_foot", (0.0, 0.0, 0.07)),
+    ("head", (0.0, 0.17, 0.02)),
+    ("left_wrist", (0.16, 0.0, 0.0)),
+    ("right_wrist", (-0.16, 0.0, 0.0)),
+)
+
+
+def smpl() -> Skeleton:
+    """A person 1.75 m tall with SMPL's 22 body joints, names and order, in T-pose facing +Z.
+
+    The order is that of HumanML3D's data; the proportions are the kit's own, since SMPL's are not free to copy.
+
+    >>> smpl()
+    Skeleton(22 joints, root 'pelvis', height 1.74 m)
+    """
+    names = tuple(name for name, _, _ in _SMPL)
+    ends = tuple((names.index(name), offset) for name, offset in _SMPL_ENDS)
+    return Skeleton(names, tuple(p for _, p, _ in _SMPL), torch.tensor([o for _, _, o in _SMPL]), end_sites=ends)

@@ -1,0 +1,259 @@
+"""Pictures for print, drawn with matplotlib: strips of poses, stills, paths from above, curves over time."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..errors import MotionKitError
+from . import colours
+from .body import Figure, as_list, figures, lefts, per_motion
+from .drawing import TURN, draw_figure, draw_floor, view_axes
+
+INK, SOFT = "#39424e", "#7a8491"
+
+
+def strip(
+    motions: object,
+    *,
+    poses: int = 8,
+    labels: Sequence[str] | None = None,
+    roles: Sequence[str] | None = None,
+    ax: object = None,
+) -> object:
+    """A strip of poses at equal times from left to right, one row for each motion, as papers print them.
+
+    motions: a Motion or a list. poses: how many in a row. labels, roles: as for `Player`. ax: matplotlib axes to draw
+    into; None makes a figure. Returns the matplotlib Figure. Rows share the time scale: a shorter motion's row ends
+    sooner.
+
+    >>> import motionkit as mk  # doctest: +SKIP
+    >>> mk.strip(mk.load("walk.bvh"), poses=6)  # doctest: +SKIP
+    """
+    if poses < 1:
+        raise MotionKitError(f"strip: expected at least one pose, found poses={poses}")
+    rows = figures(motions, roles=roles, layout="overlay")
+    texts = _labels(motions, labels, roles)
+    step, high = _spacing(rows)
+    ax, figure = _axes(ax, (min(1.25 * poses + 0.6, 12), 0.35 + len(rows) * min(1.25 * poses, 11.4) / (poses * step) * high))
+    end = max(f.end for f in rows)
+    for row, (character, text) in enumerate(zip(rows, texts)):
+        _strip_row(ax, character, np.linspace(0, end, poses), step, -row * high)
+        if text:
+            named = roles is not None and roles[row] is not None
+            ax.text(-0.62 * step, -row * high + 0.45 * high, text, rotation=90, ha="center", va="center", fontsize=9.5,
+                    color=colours.mix(character.role, "#000000", 0.3) if named else INK, fontweight="bold")  # fmt: skip
+    for n, time in enumerate(np.linspace(0, end, poses)):
+        ax.text(n * step, -(len(rows) - 1) * high - 0.12 * high, f"{time:.1f} s", ha="center", va="top", fontsize=8, color=SOFT)
+    ax.set_xlim(-0.75 * step, (poses - 0.45) * step)
+    ax.set_ylim(-(len(rows) - 1) * high - 0.27 * high, 0.97 * high)
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+    return figure
+
+
+def _spacing(rows: Sequence[Figure]) -> tuple[float, float]:
+    """The distance between poses and between rows, metres."""
+    wide, high = 0.0, 0.0
+    for f in rows:
+        seen = (f.points[:, f.drawn] - _middles(f)[:, None]) @ view_axes(f.left).T
+        wide = max(wide, 2 * float(np.percentile(np.abs(seen[..., 0]), 98)))
+        high = max(high, float(seen[..., 1].max()) + 2 * f.head_radius)
+    size = max(f.size for f in rows)
+    return max(1.05 * wide, 0.42 * size), max(1.18 * high, 0.3 * size)
+
+
+def _middles(figure: Figure) -> np.ndarray:
+    """Where the body is on the floor in each frame, [F, 3]."""
+    return figure.points[:, figure.drawn].mean(axis=1) * np.float32([1, 0, 1])
+
+
+def _strip_row(ax: object, figure: Figure, times: np.ndarray, step: float, base: float) -> None:
+    shown = [t for t in times if t <= figure.end + 1e-6]
+    ax.plot([-0.5 * step, (len(times) - 0.5) * step], [base, base], color="#c5ccd5", lw=0.8, zorder=0, solid_capstyle="round")
+    for n, time in enumerate(times):
+        if time > figure.end + 1e-6 and len(shown) > 0:
+            continue
+        pose = figure.at(time)
+        middle = pose[list(figure.drawn)].mean(axis=0) * np.float32([1, 0, 1])
+        axes = view_axes(figure.left)
+        lifted = pose - middle
+        draw_figure(_Lifted(ax, base), figure, lifted, axes, n * step, zorder=2 + 0.01 * n)
+
+
+class _Lifted:
+    """Matplotlib axes that put what is drawn at another height: rows of a strip."""
+
+    def __init__(self, ax: object, base: float) -> None:
+        self.ax, self.base = ax, base
+
+    def add_collection(self, shapes: object) -> None:
+        from matplotlib.transforms import Affine2D
+
+        shapes.set_transform(Affine2D().translate(0, self.base) + self.ax.transData)
+        self.ax.add_collection(shapes, autolim=False)
+
+
+def still(
+    motions: object,
+    frame: int = 0,
+    *,
+    labels: Sequence[str] | None = None,
+    roles: Sequence[str] | None = None,
+    layout: str = "side",
+    ax: object = None,
+) -> object:
+    """A still picture of one motion or several at a frame of the first; returns the matplotlib Figure.
+
+    It is what `Player` leaves on a page that runs nothing. A motion that ended before holds its last pose.
+    """
+    made = figures(motions, roles=roles, layout=layout)
+    texts = _labels(motions, labels, roles, single=labels is not None)
+    time = frame / made[0].fps
+    axes = view_axes(made[0].left, TURN if len(made) == 1 else 0.36)
+    poses = [f.at(time) for f in made]
+    ax, picture = _axes(ax, (7.6, 3.8))
+    everywhere = np.concatenate([p[list(f.drawn)] for p, f in zip(poses, made)])
+    size = max(f.size for f in made)
+    middle = (everywhere.max(axis=0) + everywhere.min(axis=0)) / 2 * np.float32([1, 0, 1])
+    spread = float(np.ptp(everywhere @ axes[0])) + 3.2 * size
+    draw_floor(ax, axes, middle, spread * 0.75, 0.5 if size > 0.5 else size / 3)
+    order = sorted(range(len(made)), key=lambda n: float((poses[n] @ axes[2]).mean()))
+    for rank, n in enumerate(order):
+        draw_figure(ax, made[n], poses[n], axes, zorder=2 + rank)
+        if texts[n]:
+            top = poses[n][list(made[n].drawn)] @ axes.T
+            ax.text(top[:, 0].mean(), top[:, 1].max() + 0.2 * size, texts[n], ha="center", fontsize=9, color=INK, zorder=20)
+    _frame_still(ax, everywhere @ axes.T, size)
+    return picture
+
+
+def _frame_still(ax: object, seen: np.ndarray, size: float) -> None:
+    """Fits the view around what is seen, [N, 3], and fills the picture's whole shape with it."""
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    box = ax.get_window_extent()
+    ratio = box.width / max(box.height, 1)
+    tall = max(high[1] - low[1] + 0.55 * size, (high[0] - low[0] + 0.8 * size) / ratio)
+    x, y = (low[0] + high[0]) / 2, (low[1] + high[1]) / 2 + 0.04 * size
+    ax.set_xlim(x - tall * ratio / 2, x + tall * ratio / 2)
+    ax.set_ylim(y - tall / 2, y + tall / 2)
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+
+
+def still_png(motions: object, frame: int = 0, *, pixels: tuple[int, int] = (760, 380), **shown: object) -> bytes:
+    """`still` as the bytes of a PNG with 64 colours, about 20 KB. pixels: width and height."""
+    from matplotlib.figure import Figure as Picture
+    from PIL import Image
+
+    picture = Picture(figsize=(pixels[0] / 100, pixels[1] / 100), dpi=100)
+    still(motions, frame, ax=picture.add_axes((0, 0, 1, 1)), **shown)
+    raw = io.BytesIO()
+    picture.savefig(raw, format="png", facecolor="white")
+    small = io.BytesIO()
+    Image.open(raw).convert("RGB").quantize(64, dither=Image.Dither.NONE).save(small, format="png", optimize=True)
+    return small.getvalue()
+
+
+def plot_trajectory(
+    motions: object,
+    *,
+    labels: Sequence[str] | None = None,
+    roles: Sequence[str] | None = None,
+    every: float = 0.5,
+    ax: object = None,
+) -> object:
+    """The paths of motions over the floor, seen from above, with an arrow for where the body faces every `every` seconds.
+
+    +Z points up the page and +X to the left, so that a character walking +Z has its left hand at the left. Returns the
+    matplotlib Figure; axes in metres.
+    """
+    if every <= 0:
+        raise MotionKitError(f"plot_trajectory: expected every > 0 seconds, found {every}")
+    ax, picture = _axes(ax, (4.2, 4.2))
+    texts = _labels(motions, labels, roles)
+    for motion, character, text in zip(as_list(motions), figures(motions, roles=roles, layout="overlay"), texts):
+        path = _middles(character)[:, [0, 2]]
+        across = lefts(character.points, motion.skeleton.sides)
+        ax.plot(*path.T, color=character.role, lw=2.2, label=text, solid_capstyle="round")
+        at = np.arange(0, len(path), max(1, round(every * character.fps)))
+        ax.quiver(path[at, 0], path[at, 1], -across[at, 2], across[at, 0], color=colours.mix(character.role, "#000000", 0.35),
+                  angles="xy", scale=14, width=0.006, zorder=3)  # fmt: skip
+        ax.plot(*path[0], "o", color="white", mec=character.role, mew=1.6, ms=7, zorder=4)
+    ax.set_xlabel("x (m)")
+    ax.set_ylabel("z (m)")
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(0.15)
+    ax.xaxis.set_inverted(True)
+    style_axes(ax, legend=any(texts))
+    return picture
+
+
+def plot_curves(
+    curves: Mapping[str, object],
+    *,
+    fps: float | None = None,
+    xlabel: str | None = None,
+    ylabel: str = "",
+    title: str = "",
+    roles: Sequence[str] | None = None,
+    ax: object = None,
+) -> object:
+    """Named curves over time (or over steps, without `fps`) in the kit's style; returns the matplotlib Figure.
+
+    curves: name to F values. A name that begins with "left" or "right" takes that side's colour; roles: for each curve
+    a role, a colour or None.
+
+    >>> picture = plot_curves({"left foot": [0.0, 0.1], "right foot": [0.1, 0.0]}, fps=30, ylabel="height (m)")
+    """
+    if not curves:
+        raise MotionKitError("plot_curves: expected at least one named curve, found none")
+    ax, picture = _axes(ax, (6.4, 2.6))
+    for n, ((name, values), role) in enumerate(zip(curves.items(), per_motion(roles, len(curves), "roles"))):
+        values = values.detach().cpu().numpy() if hasattr(values, "detach") else np.asarray(values)
+        side = next((s for s in ("left", "right") if name.lower().startswith(s)), None)
+        colour = colours.SIDES[side] if side and role is None else colours.role_colour(role, n)
+        ax.plot(np.arange(len(values)) / (fps or 1), values, color=colour, lw=1.8, label=name)
+    ax.set_xlabel(xlabel if xlabel is not None else ("time (s)" if fps else "step"))
+    ax.set_ylabel(ylabel)
+    ax.set_title(title, fontsize=10, color=INK, loc="left")
+    style_axes(ax, legend=len(curves) > 1)
+    return picture
+
+
+def style_axes(ax: object, legend: bool = False) -> None:
+    """Gives matplotlib axes the kit's look: light grid, no box, soft ink."""
+    ax.grid(True, color="#e6e9ee", lw=0.8)
+    ax.set_axisbelow(True)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    for side in ("bottom", "left"):
+        ax.spines[side].set_color("#c5ccd5")
+    ax.tick_params(colors=SOFT, labelsize=8.5, length=3)
+    for label in (ax.xaxis.label, ax.yaxis.label):
+        label.set(color=INK, fontsize=9.5)
+    if legend:
+        ax.legend(frameon=False, fontsize=8.5, labelcolor=INK)
+
+
+def _axes(ax: object, inches: tuple[float, float]) -> tuple[object, object]:
+    """Given axes, or those of a new figure that no state machine keeps alive."""
+    if ax is not None:
+        return ax, ax.figure
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure as Picture
+
+    picture = Picture(figsize=inches, dpi=110, layout="constrained")
+    FigureCanvasAgg(picture)
+    return picture.add_subplot(), picture
+
+
+def _labels(motions: object, labels: Sequence[str] | None, roles: Sequence[str] | None, single: bool = False) -> list:
+    """Texts for motions: those given, else the role or name where there are several."""
+    found = as_list(motions)
+    given = per_motion(labels, len(found), "labels")
+    if labels is not None or (len(found) == 1 and not single):
+        return given
+    return [role if role in colours.ROLES else m.name for m, role in zip(found, per_motion(roles, len(found), "roles"))]

@@ -1,0 +1,100 @@
+"""Statistics transfer: known answers for the parts, and the whole on made and captured clips."""
+
+import pytest
+import torch
+
+import motionkit as mk
+from motionkit.contacts import foot_contacts, foot_sliding
+from motionkit.features import FacingFree
+from motionkit.methods.statistics import match_statistics, velocity_factor, warp_velocity
+
+
+@pytest.fixture(scope="module")
+def clips():
+    return {n: mk.load(f"data/walk_{n}.bvh") for n in ("neutral", "old", "proud", "childlike", "turning")}
+
+
+def test_matched_features_have_the_styles_mean_and_spread():
+    g = torch.Generator().manual_seed(0)
+    content, style = torch.randn(100, 4, generator=g), 2 * torch.randn(80, 4, generator=g) + 5
+    out = match_statistics(content, style)
+    assert torch.allclose(out.mean(0), style.mean(0), atol=1e-4)
+    assert torch.allclose(out.std(0, correction=0), style.std(0, correction=0), atol=1e-4)
+    still = match_statistics(torch.zeros(10, 1), style[:, :1])
+    assert torch.allclose(still, style[:, :1].mean().expand(10, 1))
+
+
+def test_velocity_factor_of_known_motions(clips):
+    assert velocity_factor(clips["neutral"][3]) == 0.0
+    walk = clips["neutral"]
+    frozen = walk.replace(rotations=walk.rotations[:1].expand_as(walk.rotations))
+    assert velocity_factor(frozen) < 1e-4
+    faster = walk.replace(fps=60.0)
+    assert velocity_factor(faster) == pytest.approx(2 * velocity_factor(walk), rel=1e-4)
+
+
+def test_warp_scales_the_speed_over_the_ground_only():
+    x = torch.arange(12.0).reshape(2, 6)
+    assert torch.equal(warp_velocity(x, 2.0), x * torch.tensor([1.0, 2, 2, 1, 1, 1]))
+
+
+@pytest.mark.parametrize("style", ["old", "proud", "childlike"])
+def test_restyled_walk_takes_the_style_and_keeps_the_walk(clips, style):
+    content = clips["neutral"]
+    out = mk.methods.load("statistics").stylize(content, style=clips[style])
+    assert len(out) == len(content) and out.fps == content.fps and out.skeleton.same_tree(content.skeleton)
+    layout = FacingFree()
+    poses = {n: layout.encode(m)[:, 4:67].mean(0) for n, m in (("content", content), ("style", clips[style]), ("out", out))}
+    assert (poses["out"] - poses["style"]).norm() < 0.35 * (poses["content"] - poses["style"]).norm()
+    stands = foot_contacts(content)
+    assert foot_sliding(out, stands) < 1.0
+    assert out.positions()[..., 1].min() > -0.005
+    assert (out.positions()[0, 0] - content.positions()[0, 0])[[0, 2]].norm() < 0.02
+    bones = (out.positions()[:, 1:] - out.positions()[:, list(out.skeleton.parents[1:])]).norm(dim=-1)
+    assert torch.allclose(bones, out.skeleton.offsets[1:].norm(dim=-1).expand_as(bones), atol=1e-4)
+
+
+def test_strength_zero_keeps_the_content(clips):
+    out = mk.methods.load("statistics").stylize(clips["turning"], style=clips["old"], strength=0.0, lock=False)
+    assert (out.positions() - clips["turning"].positions()).norm(dim=-1).max() < 2e-3
+
+
+def test_style_of_another_frame_rate(clips):
+    method = mk.methods.load("statistics")
+    a = method.stylize(clips["neutral"], style=clips["old"])
+    b = method.stylize(clips["neutral"], style=clips["old"].resample(60))
+    assert (a.positions() - b.positions()).norm(dim=-1).mean() < 0.02
+
+
+def test_old_walks_slower(clips):
+    out = mk.methods.load("statistics").stylize(clips["neutral"], style=clips["old"])
+    path = lambda m: float((m.root_path()[-1] - m.root_path()[0]).norm())  # noqa: E731
+    assert path(out) < 0.7 * path(clips["neutral"])
+
+
+@pytest.mark.captures
+def test_captures_get_restyled_written_and_read_back(captures_dir, tmp_path):
+    method = mk.methods.load("statistics")
+    for content in ("walk", "raise-up-both-hands"):
+        source = mk.load(next(iter(sorted(captures_dir.glob(f"*_{content}_normal_*.bvh")))))
+        for style in ("elderly", "active"):
+            given = mk.load(next(iter(sorted(captures_dir.glob(f"*_{content}_{style}_*.bvh")))))
+            out = method.stylize(source, style=given)
+            again = mk.load(mk.save(out, tmp_path / "out.bvh"))
+            assert (again.positions() - out.positions()).abs().max() < 1e-4 * out.skeleton.height
+            assert again.skeleton.names == source.skeleton.names
+            assert torch.equal(out.translations[:, 0], source.translations[:, 0])  # the helper root stays where it was
+
+
+def test_what_cannot_be_done_is_said(clips):
+    method = mk.methods.load("statistics")
+    with pytest.raises(mk.MotionKitError, match="takes its style from a motion"):
+        method.stylize(clips["neutral"], style="old")
+    with pytest.raises(mk.MotionKitError, match="two are the least"):
+        method.stylize(clips["neutral"][:1], style=clips["old"])
+    other = clips["old"].replace(skeleton=clips["old"].skeleton.part(list(range(22))))
+    renamed = type(other.skeleton)(("hips", *other.skeleton.names[1:]), other.skeleton.parents, other.skeleton.offsets)
+    with pytest.raises(mk.MotionKitError, match="'hips'"):
+        method.stylize(clips["neutral"], style=clips["old"].replace(skeleton=renamed))
+    with pytest.raises(mk.MotionKitError, match="did you mean 'statistics'"):
+        mk.methods.load("statistic")
