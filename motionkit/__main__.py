@@ -15,7 +15,9 @@ _UNIT_HELP = "metres in one unit of the file (0.01 for centimetres); guessed fro
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser("python -m motionkit", description="Human motion style transfer: look, restyle, write.")
+    parser = argparse.ArgumentParser(
+        "python -m motionkit", description="Human motion style transfer: look, restyle, write."
+    )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     info = commands.add_parser("info", help="what is in a BVH file: joints, frames, size, sides, problems")
@@ -30,7 +32,9 @@ def _parser() -> argparse.ArgumentParser:
 
     stylize = commands.add_parser("stylize", help="give a motion the style of another one, and write BVH")
     stylize.add_argument("input", help="the motion to restyle, a BVH file")
-    stylize.add_argument("--style", required=True, help="the motion whose style it gets, a BVH file on the same skeleton")
+    stylize.add_argument(
+        "--style", required=True, help="the motion whose style it gets, a BVH file on the same skeleton"
+    )
     stylize.add_argument("-o", "--output", required=True, help="the BVH file to write")
     stylize.add_argument("--method", default="statistics", help=f"one of: {', '.join(methods.names())}")
     stylize.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)

@@ -1,7 +1,7 @@
 """What joint names say: which side a joint is on, its mirror twin, and the part it plays in a body.
 
-Names differ from studio to studio (`LeftUpLeg`, `l_hip`, `UpperLeg_L`, `mixamorig:LeftArm`, `lfemur`). They are cut
-into words, the side word is taken out, and the rest is looked up in `ROLE_WORDS`.
+Names differ from studio to studio (`LeftUpLeg`, `l_hip`, `UpperLeg_L`, `mixamorig:LeftArm`, `lfemur`). They
+are cut into words, the side word is taken out, and the rest is looked up in `ROLE_WORDS`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ LEFT, RIGHT, MIDDLE = "left", "right", "middle"
 _SIDE_WORDS = {"left": LEFT, "l": LEFT, "right": RIGHT, "r": RIGHT}
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 
-# For each role the words that may name it, best first: "leg" is a knee only where nobody says "knee" or "shin".
+# For each role the words that may name it, best first: "leg" is a knee only where nobody says "knee".
 ROLE_WORDS = {
     "hip": ("upleg", "upperleg", "thigh", "femur", "hip"),
     "knee": ("lowerleg", "lowleg", "knee", "shin", "calf", "tibia", "leg"),
@@ -100,7 +100,8 @@ def _find_twins(names: tuple[str, ...]) -> tuple[int, ...] | None:
 def find_roles(names: Sequence[str]) -> dict[str, int]:
     """Which joint plays which part: `left_hip`, `left_knee`, ... `right_wrist`; parts not found are left out.
 
-    >>> roles = find_roles(["Hips", "LHipJoint", "LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase", "LeftShoulder", "LeftArm"])
+    >>> names = "Hips LHipJoint LeftUpLeg LeftLeg LeftFoot LeftToeBase LeftShoulder LeftArm"
+    >>> roles = find_roles(names.split())
     >>> roles["left_hip"], roles["left_knee"], roles["left_shoulder"]
     (2, 3, 7)
     """

@@ -1,8 +1,9 @@
 """BVH files: text to `Motion`.
 
-What files in the wild do, and what the reader makes of it: any joint may have position channels, and they stand in
-place of its offset, frame by frame; channels come in any order and number; names may hold spaces and colons; lines may
-be wrapped, and end in any way; `Frames:` may disagree with the data, which then counts (with a warning).
+What files in the wild do, and what the reader makes of it: any joint may have position channels, and they
+stand in place of its offset, frame by frame; channels come in any order and number; names may hold spaces and
+colons; lines may be wrapped, and end in any way; `Frames:` may disagree with the data, which then counts
+(with a warning).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from .bvh_angles import compose
+from .bvh_angles import compose, layouts
 from .bvh_data import line_at, read_data
 from .bvh_header import Header, parse_header
 from .bvh_units import guess_metres_per_unit
@@ -32,11 +33,11 @@ _MOTION = re.compile(rb"(?:^|\})[ \t]*(MOTION)(?=\s|$)", re.MULTILINE | re.IGNOR
 def load(path: str | os.PathLike, metres_per_unit: float | None = None, fps: float | None = None) -> Motion:
     """Read a BVH file.
 
-    path: the file. metres_per_unit: the length of one unit of the file in metres (0.01 for centimetres). No BVH file
-    states it; left out, it is guessed from the skeleton's size: up to 5 units tall is metres, up to 45 the unit of
-    the CMU captures (0.056444 m), up to 450 centimetres, above that millimetres. fps: a frame rate in place of the
-    file's own. Returns a `Motion`. Warns (MotionKitWarning) where `Frames:` disagrees with the data. Raises
-    MotionKitError naming file and line.
+    path: the file. metres_per_unit: the length of one unit of the file in metres (0.01 for centimetres). No
+    BVH file states it; left out, it is guessed from the skeleton's size: up to 5 units tall is metres, up to
+    45 the unit of the CMU captures (0.056444 m), up to 450 centimetres, above that millimetres. fps: a frame
+    rate in place of the file's own. Returns a `Motion`. Warns (MotionKitWarning) where `Frames:` disagrees
+    with the data. Raises MotionKitError naming file and line.
 
     >>> m = load("data/walk_neutral.bvh")
     >>> m.fps, m.skeleton.names[0]
@@ -45,11 +46,13 @@ def load(path: str | os.PathLike, metres_per_unit: float | None = None, fps: flo
     return parse(read_bytes(path), os.fspath(path), metres_per_unit, fps)
 
 
-def parse(data: bytes, source: str = "<bytes>", metres_per_unit: float | None = None, fps: float | None = None) -> Motion:
+def parse(
+    data: bytes, source: str = "<bytes>", metres_per_unit: float | None = None, fps: float | None = None
+) -> Motion:
     """The text of a BVH file as bytes to a `Motion`; `source` is what errors call it. See `load`.
 
-    >>> text = b"HIERARCHY ROOT a { OFFSET 0 1 0 CHANNELS 1 Yrotation }\\nMOTION\\nFrames: 1\\nFrame Time: 0.5\\n90\\n"
-    >>> parse(text).rotations[0, 0]
+    >>> text = "HIERARCHY ROOT a { OFFSET 0 1 0 CHANNELS 1 Yrotation } MOTION Frames: 1 Frame Time: 0.5 90"
+    >>> parse(text.encode()).rotations[0, 0]
     tensor([0.7071, 0.0000, 0.7071, 0.0000])
     """
     _check_argument("metres_per_unit", metres_per_unit, source)
@@ -75,7 +78,7 @@ def _check_argument(what: str, value: float | None, source: str) -> None:
 
 
 def _plain_text(data: bytes, source: str) -> bytes:
-    """The bytes with UTF-16 undone, which some Windows tools write, and with line ends that regular expressions know."""
+    """The bytes without UTF-16, which some Windows tools write, and with ends of lines that `^` knows."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         try:
             data = data.decode("utf-16").encode()
@@ -102,7 +105,11 @@ def _to_motion(header: Header, values: np.ndarray, scale: float | None, fps: flo
     frames, joints = len(values), len(names)
     rotations = torch.empty(frames, joints, 4)
     translations = skeleton.offsets.expand(frames, -1, -1).clone()
-    for layout, count, members, columns in _layouts(channels):
+    groups = layouts(channels)
+    for layout, (members, columns) in groups.items():
+        count = len(members)
+        if len(groups) == 1:  # every joint alike, as in many captures: views instead of copies
+            members = columns = slice(None)
         block = torch.from_numpy(values[:, columns].reshape(frames, count, len(layout)))
         turns = [n for n, c in enumerate(layout) if c not in POSITION_CHANNELS]
         for n, channel in enumerate(layout):
@@ -111,17 +118,3 @@ def _to_motion(header: Header, values: np.ndarray, scale: float | None, fps: flo
         angles = torch.deg2rad(block[:, :, turns])
         rotations[:, members] = compose(angles, [layout[n][0] for n in turns]).float()
     return Motion(skeleton, rotations, translations, fps, name, unit)
-
-
-def _layouts(channels: tuple[tuple[str, ...], ...]) -> list[tuple]:
-    """For each different list of channels: how many joints have it, which, and their columns; they turn together."""
-    found: dict[tuple[str, ...], tuple[list[int], list[int]]] = {}
-    first = 0
-    for joint, layout in enumerate(channels):
-        members, columns = found.setdefault(layout, ([], []))
-        members.append(joint)
-        columns.extend(range(first, first + len(layout)))
-        first += len(layout)
-    if len(found) == 1:  # every joint alike, as in many captures: views instead of copies
-        return [(channels[0], len(channels), slice(None), slice(None))]
-    return [(layout, len(members), members, columns) for layout, (members, columns) in found.items()]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor
 
@@ -9,7 +11,7 @@ from . import rotations as rot
 
 
 def compose(angles: Tensor, axes: list[str]) -> Tensor:
-    """Zero to three turns about different axes, one after the other: radians [..., n] to unit quaternions [..., 4].
+    """Zero to three turns about different axes, in turn: radians [..., n] to unit quaternions [..., 4].
 
     >>> compose(torch.tensor([torch.pi]), ["Y"]).abs().round(decimals=3)
     tensor([0., 0., 1., 0.])
@@ -28,7 +30,7 @@ def compose(angles: Tensor, axes: list[str]) -> Tensor:
 
 
 def decompose(q: Tensor, axes: list[str]) -> Tensor:
-    """The turns about zero to three axes that give, or come close to, rotations [F, 4]; radians [F, n].
+    """The turns about zero to three axes that give, or come close to, rotations [..., 4]; radians [..., n].
 
     >>> decompose(rot.yaw_to_quaternion(torch.tensor([0.5])), ["Y"])
     tensor([[0.5000]])
@@ -36,13 +38,29 @@ def decompose(q: Tensor, axes: list[str]) -> Tensor:
     if len(axes) == 3:
         return rot.quaternion_to_euler(q, "".join(axes))
     if not axes:
-        return q[:, :0]
-    # With the third turn zero there is no gimbal lock: each angle is read off a vector that the other leaves alone.
+        return q[..., :0]
+    # Without a third turn there is no gimbal lock: each angle shows on a vector that the other leaves alone.
     i = rot.AXES[axes[0]]
     j = rot.AXES[axes[1]] if len(axes) == 2 else (i + 1) % 3
     k = 3 - i - j
     sign = 1.0 if (j - i) % 3 == 1 else -1.0
     m = rot.quaternion_to_matrix(q)
-    first = torch.atan2(sign * m[:, k, j], m[:, j, j])
-    second = torch.atan2(sign * m[:, i, k], m[:, i, i])
-    return torch.stack((first, second), -1)[:, : len(axes)]
+    first = torch.atan2(sign * m[..., k, j], m[..., j, j])
+    second = torch.atan2(sign * m[..., i, k], m[..., i, i])
+    return torch.stack((first, second), -1)[..., : len(axes)]
+
+
+def layouts(channels: Sequence[tuple[str, ...]]) -> dict[tuple[str, ...], tuple[list[int], list[int]]]:
+    """For each different list of channels the joints that have it, and their columns.
+
+    >>> layouts([("Xrotation",), ("Zrotation", "Xrotation"), ("Xrotation",)])
+    {('Xrotation',): ([0, 2], [0, 3]), ('Zrotation', 'Xrotation'): ([1], [1, 2])}
+    """
+    found: dict[tuple[str, ...], tuple[list[int], list[int]]] = {}
+    first = 0
+    for joint, layout in enumerate(channels):
+        joints, columns = found.setdefault(layout, ([], []))
+        joints.append(joint)
+        columns.extend(range(first, first + len(layout)))
+        first += len(layout)
+    return found

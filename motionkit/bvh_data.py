@@ -30,10 +30,10 @@ def line_at(data: bytes, offset: int) -> int:
 
 
 def read_data(data: bytes, start: int, header: Header, source: str, fps: float | None) -> tuple[np.ndarray, float]:
-    """What follows the word MOTION at byte `start`: the numbers, float64 [F, C] in file units and degrees, and fps.
+    """What follows MOTION, from byte `start` on: the numbers, float64 [F, C] in file units and degrees, and fps.
 
-    fps: a rate in place of the file's own. Raises MotionKitError naming `source` and line; warns where `Frames:` and
-    the data disagree.
+    fps: a rate in place of the file's own. Raises MotionKitError naming `source` and line; warns where
+    `Frames:` and the data disagree.
     """
     count, place = _field(_FRAMES, "Frames:", data, start, source)
     time, start = _field(_FRAME_TIME, "Frame Time:", data, place, source)
@@ -110,7 +110,7 @@ def _rows(data: bytes, start: int, frames: int, header: Header, source: str) -> 
 
 
 def _ends_inside_number(data: bytes, start: int, width: int) -> bool:
-    """Whether the file is cut off inside its last number: no line end, and fewer decimals than all those before it."""
+    """Whether the file is cut off inside its last number: no line end, and fewer decimals than all before."""
     if data.endswith((b"\n", b"\r")):
         return False
     words = data[start:].rsplit(None, 2 * width)[-2 * width :]
@@ -132,6 +132,6 @@ def _cut_off(data: bytes, start: int, frames: int, count: int, width: int, sourc
         wrong = next((n for n in filled if lines[n] != width), filled[-1])
         line, told = line_at(data, start) + wrong, f"{lines[wrong]} on this line and "
     return (
-        f"{source}, line {line}: expected {frames} frames of {width} numbers; found {told}{count} numbers in all; the file "
-        "is cut off or its channels do not fit: export it again"
+        f"{source}, line {line}: expected {frames} frames of {width} numbers; found {told}{count} numbers in "
+        "all; the file is cut off or its channels do not fit: export it again"
     )

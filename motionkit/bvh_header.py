@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass, field
 
@@ -61,7 +60,9 @@ class _Reader:
         try:
             return self.tokens[self.at]
         except IndexError:
-            raise self.fail("the file ends in the middle of the hierarchy; it seems to be cut off, get it again") from None
+            raise self.fail(
+                "the file ends in the middle of the hierarchy; it seems to be cut off, get it again"
+            ) from None
 
     def name_until_brace(self, name: str) -> str:
         """The name that a heading such as `JOINT left hand` gives, or the line below it, up to `{`."""
@@ -93,8 +94,8 @@ class _Reader:
             raise self.fail("a ROOT inside another joint; expected JOINT or a closing '}' before it", self.at - 1)
         if root and header.names:
             raise self.fail(
-                f"a second character starts here (the first has the root {header.names[0]!r}); the kit reads one "
-                "character a file: save each character to a file of its own",
+                f"a second character starts here (the first has the root {header.names[0]!r}); the kit reads "
+                "one character a file: save each character to a file of its own",
                 self.at - 1,
             )
         if not root and (not self.open or self.open[-1] is None):
@@ -195,7 +196,7 @@ def _is_number(word: str) -> bool:
 def parse_header(text: str, source: str) -> Header:
     """The hierarchy from its text; MotionKitError names `source` and the line of what is wrong.
 
-    >>> parse_header("HIERARCHY ROOT Hips { OFFSET 0 1 0 CHANNELS 1 Xrotation End Site { OFFSET 0 1 0 } }", "x").names
+    >>> parse_header("HIERARCHY ROOT Hips { OFFSET 0 1 0 CHANNELS 1 Xrotation }", "walk.bvh").names
     ['Hips']
     """
     header = _Reader(text, source).read()
@@ -205,7 +206,7 @@ def parse_header(text: str, source: str) -> Header:
 
 
 def _distinct(names: list[str]) -> list[str]:
-    """Repeated names numbered (`hand`, `hand#2`); some exporters repeat them, and the kit looks joints up by name.
+    """Repeated names numbered (`hand`, `hand#2`): some exporters repeat them; here names are looked up.
 
     >>> _distinct(["hand", "hand", "hand#2"])
     ['hand', 'hand#3', 'hand#2']

@@ -1,9 +1,9 @@
 """Numbers from text, many at once: the inner loop of the BVH reader.
 
-Plain decimals (`-12.345`) with at most 15 digits are exact integers divided by exact powers of ten, which gives the
-correctly rounded double (Clinger 1990, the fast path). Eight digits are one 64-bit word and are worked out together
-(Lemire 2018, "Quickly parsing eight digits"), for all numbers of a block at once. Whatever is not a plain decimal
-(`1e-5`, longer ones) goes through Python's `float`.
+Plain decimals (`-12.345`) with at most 15 digits are exact integers divided by exact powers of ten, which
+gives the correctly rounded double (Clinger 1990, the fast path). Eight digits are one 64-bit word and are
+worked out together (Lemire 2018, "Quickly parsing eight digits"), for all numbers of a block at once.
+Whatever is not a plain decimal (`1e-5`, longer ones) goes through Python's `float`.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class BadNumber(Exception):
 
 
 def parse_numbers(text: bytes, start: int = 0) -> np.ndarray:
-    """All numbers of a text from byte `start` on, separated by white space, as float64 [N], equal to Python's `float`.
+    """All numbers of a text from byte `start` on, separated by white space, as float64 [N].
 
-    Raises BadNumber at the first piece of text that is no number.
+    Each equals what Python's `float` makes of it. Raises BadNumber at the first piece of text that is no number.
 
     >>> parse_numbers(b"1 -2.5\\t3e2\\r\\n")
     array([  1. ,  -2.5, 300. ])
@@ -95,7 +95,7 @@ def _find_dots(padded: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.n
 
 
 def _digits(padded: np.ndarray, stops: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The integers [N] that the last `counts` (0 to 16) characters before `stops` spell, and which are not digits."""
+    """The integers [N] that the `counts` (0 to 16) characters before `stops` spell, and which are no digits."""
     words = np.ndarray(len(padded) - _WORD + 1, "<u8", padded, strides=(1,))  # a word starts at every byte
     word = (words[stops - _WORD] ^ _ZEROS) & _LAST[np.minimum(counts, _WORD)]
     wrong = ((word + _OVER_NINE) | word) & _TOP_BITS != 0

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import os
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
+from torch import Tensor
 
 from . import rotations as rot
-from .bvh_angles import compose, decompose
+from .bvh_angles import compose, decompose, layouts
 from .bvh_units import guess_metres_per_unit
 from .errors import MotionKitError
 from .files import MotionKitWarning, write_atomic
@@ -23,11 +25,11 @@ _SAME_TURN = 1e-5  # radians; a rotation that a joint's own channels give this c
 def save(motion: Motion, path: str | os.PathLike) -> Path:
     """Write a BVH file that other tools read, in the motion's own unit; `load(save(m))` is the motion again.
 
-    Joint names, hierarchy, End Sites, channels and their order, frame rate and unit are kept. A joint gets channels
-    that it did not have only where the motion needs them. Braces nest, so joints that are not listed branch by branch
-    are in the file (and in what `load` makes of it). The file is written whole or not at all. Warns
-    (MotionKitWarning) where `load` would guess another unit than the motion's. Returns the path. Raises MotionKitError
-    if it cannot be written or a joint's name does not fit into a BVH file.
+    Joint names, hierarchy, End Sites, channels and their order, frame rate and unit are kept. A joint gets
+    channels that it did not have only where the motion needs them. As braces nest, the file lists joints branch by
+    branch, whatever their order in the skeleton. The file is written whole or not at all. Returns the path. Warns
+    (MotionKitWarning) where `load` would guess another unit than the motion's. Raises MotionKitError if it cannot
+    be written, or a joint's name does not fit into a BVH file.
 
     >>> import tempfile
     >>> from motionkit.bvh import load
@@ -41,8 +43,8 @@ def save(motion: Motion, path: str | os.PathLike) -> Path:
     guess = guess_metres_per_unit(motion.skeleton, unit)
     if not math.isclose(guess, unit, rel_tol=1e-3):
         warnings.warn(
-            f"{path}: one unit of this file is {unit:g} m, but from its size {guess:g} m would be guessed: read it "
-            f"with load(..., metres_per_unit={unit:g})",
+            f"{path}: one unit of this file is {unit:g} m, but from its size {guess:g} m would be guessed: "
+            f"read it with load(..., metres_per_unit={unit:g})",
             MotionKitWarning,
             2,
         )
@@ -58,21 +60,28 @@ def format_bvh(motion: Motion) -> str:
     """
     channels = _writable_channels(motion)
     header = format_header(motion.skeleton, channels, motion.metres_per_unit)
-    columns = []
-    translations = motion.translations.double() / motion.metres_per_unit
-    for joint in _file_order(motion.skeleton):
-        names = channels[joint]
-        axes = [c[0] for c in names if c not in POSITION_CHANNELS]
-        angles = torch.rad2deg(decompose(motion.rotations[:, joint].double(), axes))
-        for name in names:
-            if name in POSITION_CHANNELS:
-                columns.append(translations[:, joint, POSITION_CHANNELS.index(name)])
-            else:
-                columns.append(angles[:, axes.index(name[0])])
-    rows = torch.stack(columns, -1).tolist()
-    line = " ".join([f"%.{_decimals(motion)}f"] * len(columns))
+    rows = _values(motion, channels).tolist()
+    line = " ".join([f"%.{_decimals(motion)}f"] * sum(map(len, channels)))
     body = "".join(line % tuple(row) + "\n" for row in rows)
     return f"{header}\nMOTION\nFrames: {len(motion)}\nFrame Time: {_frame_time(motion.fps)}\n{body}"
+
+
+def _values(motion: Motion, channels: list[tuple[str, ...]]) -> Tensor:
+    """What the channels hold, float64 [F, C]: degrees, and places in the motion's unit."""
+    order = _file_order(motion.skeleton)
+    values = torch.empty(len(motion), sum(map(len, channels)), dtype=torch.float64)
+    for layout, (members, columns) in layouts([channels[j] for j in order]).items():
+        joints = [order[n] for n in members]
+        axes = [c[0] for c in layout if c not in POSITION_CHANNELS]
+        angles = torch.rad2deg(decompose(motion.rotations[:, joints].double(), axes))
+        places = motion.translations[:, joints].double() / motion.metres_per_unit
+        parts = [
+            places[..., POSITION_CHANNELS.index(c)] if c in POSITION_CHANNELS else angles[..., axes.index(c[0])]
+            for c in layout
+        ]
+        if parts:
+            values[:, columns] = torch.stack(parts, -1).flatten(1)
+    return values
 
 
 def _file_order(skeleton: Skeleton) -> list[int]:
@@ -85,7 +94,7 @@ def _file_order(skeleton: Skeleton) -> list[int]:
 
 
 def _decimals(motion: Motion) -> int:
-    """Six, as most tools write; more where the unit is so large that six would be coarse for the skeleton's size."""
+    """Six, as most tools write; more where the unit is so large that six would be coarse."""
     size = motion.skeleton.height / motion.metres_per_unit
     return 6 if size >= 0.1 or size <= 0 else min(6 - math.floor(math.log10(size)), 15)
 
@@ -97,16 +106,19 @@ def _frame_time(fps: float) -> str:
 def _writable_channels(motion: Motion) -> list[tuple[str, ...]]:
     """The skeleton's channels, and what this motion needs besides: positions in front, rotations behind."""
     skeleton = motion.skeleton
-    drift = (motion.translations - skeleton.offsets).abs().amax(0) if len(motion) else torch.zeros_like(skeleton.offsets)
+    drift = (
+        (motion.translations - skeleton.offsets).abs().amax(0) if len(motion) else torch.zeros_like(skeleton.offsets)
+    )
     adrift = (drift > 1e-5 * skeleton.height).tolist()
-    result = []
-    for joint, names in enumerate(skeleton.channels):
-        places = tuple(c for n, c in enumerate(POSITION_CHANNELS) if c not in names and adrift[joint][n])
+    result: list[tuple[str, ...]] = [()] * len(skeleton)
+    for names, (joints, _) in layouts(skeleton.channels).items():
         axes = [c[0] for c in names if c not in POSITION_CHANNELS]
-        q = motion.rotations[:, joint].double()
-        enough = len(axes) == 3 or bool((rot.quaternion_angle(compose(decompose(q, axes), axes), q) < _SAME_TURN).all())
-        spare = () if enough else tuple(f"{x}rotation" for x in "ZXY" if x not in axes)
-        result.append(places + names + spare)
+        spare = tuple(f"{x}rotation" for x in "ZXY" if x not in axes)
+        q = motion.rotations[:, joints].double()
+        turned = rot.quaternion_angle(compose(decompose(q, axes), axes), q) > _SAME_TURN
+        for joint, more in zip(joints, turned.any(0).tolist(), strict=True):
+            places = tuple(c for n, c in enumerate(POSITION_CHANNELS) if c not in names and adrift[joint][n])
+            result[joint] = places + names + (spare if more else ())
     if not any(result):  # a file without any channel has nothing to hold its frames
         result[0] = ("Zrotation", "Xrotation", "Yrotation")
     return result
@@ -136,22 +148,23 @@ def format_header(skeleton: Skeleton, channels: list[tuple[str, ...]], unit: flo
         ends.setdefault(joint, []).append([x / unit for x in offset])
 
     def add(*rows: str) -> None:
-        lines.extend("    " * len(open_joints) + row for row in rows)
-
-    def close_to(parent: int) -> None:
-        while open_joints and open_joints[-1] != parent:
-            open_joints.pop()
-            add("}")
+        lines.extend("    " * min(len(open_joints), 40) + row for row in rows)
 
     for joint in _file_order(skeleton):
-        close_to(skeleton.parents[joint])
+        _close_to(skeleton.parents[joint], open_joints, add)
         add(f"{'JOINT' if joint else 'ROOT'} {_checked_name(skeleton.names[joint])}", "{")
         open_joints.append(joint)
         add(_offset(offsets[joint]), " ".join(("CHANNELS", str(len(channels[joint])), *channels[joint])))
         for offset in ends.get(joint, ()):
             add("End Site", "{", "    " + _offset(offset), "}")
-    close_to(-1)
+    _close_to(-1, open_joints, add)
     return "\n".join(lines)
+
+
+def _close_to(parent: int, open_joints: list[int], add: Callable[[str], None]) -> None:
+    while open_joints and open_joints[-1] != parent:
+        open_joints.pop()
+        add("}")
 
 
 def _offset(offset: list[float]) -> str:
@@ -169,7 +182,7 @@ def _checked_name(name: str) -> str:
         fits = False
     if not fits:
         raise MotionKitError(
-            f"joint name {name!r} does not fit into a BVH file; expected a text without braces, line ends and outer "
-            "spaces: give the skeleton other names"
+            f"joint name {name!r} does not fit into a BVH file; expected a text without braces, line ends and "
+            "outer spaces: give the skeleton other names"
         )
     return name

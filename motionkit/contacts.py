@@ -75,7 +75,8 @@ def _checked(motion: Motion, contacts: Tensor | None, joints: list[int], feet: S
         return foot_contacts(motion, feet)
     if tuple(contacts.shape) != (len(motion), len(joints)):
         raise MotionKitError(
-            f"expected contacts [{len(motion)}, {len(joints)}] for {', '.join(motion.skeleton.names[j] for j in joints)}; "
+            f"expected contacts [{len(motion)}, {len(joints)}] for "
+            f"{', '.join(motion.skeleton.names[j] for j in joints)}; "
             f"found {list(contacts.shape)}"
         )
     return contacts.bool()
@@ -146,7 +147,9 @@ def _corner(u: Tensor, v: Tensor) -> Tensor:
     return torch.atan2(torch.linalg.cross(u, v).norm(dim=-1), (u * v).sum(-1))
 
 
-def lock_feet(motion: Motion, contacts: Tensor | None = None, blend: int = 5, feet: Sequence[str] | None = None) -> Motion:
+def lock_feet(
+    motion: Motion, contacts: Tensor | None = None, blend: int = 5, feet: Sequence[str] | None = None
+) -> Motion:
     """Hold standing feet still: each leg is bent so that the joint that stands stays where it is.
 
     contacts: bool [F, K], as in `foot_contacts` (found if left out). blend: frames over which the correction fades in
@@ -167,7 +170,7 @@ def lock_feet(motion: Motion, contacts: Tensor | None = None, blend: int = 5, fe
         return motion
     places = motion.positions()
     targets = []
-    for hip, knee, ankle in legs:
+    for _, _, ankle in legs:
         mine = [k for k, j in enumerate(joints) if ankle in motion.skeleton.chain(j)]
         shift = _corrections(places[:, [joints[k] for k in mine]][..., [0, 2]], contacts[:, mine], blend)
         targets.append(places[:, ankle] + torch.stack((shift[:, 0], torch.zeros_like(shift[:, 0]), shift[:, 1]), -1))
@@ -256,4 +259,3 @@ def _pelvis_drop(motion: Motion, legs: list, targets: list[Tensor], places: Tens
     weights = torch.hann_window(width + 2, periodic=False, dtype=drop.dtype)[1:-1]
     smooth = torch.nn.functional.pad(reached, pad, mode="replicate")
     return torch.nn.functional.conv1d(smooth, (weights / weights.sum())[None, None])[0, 0]
-

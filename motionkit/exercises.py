@@ -39,13 +39,18 @@ def _walkers() -> list[tuple]:
     turns = rot.identity_quaternion(20, 22)
     still = torch.tensor([0.0, 0.96, 0.0]).expand(20, 3)
     slide = still + torch.arange(20)[:, None] * torch.tensor([0.0, 0.0, 0.01])
-    return [(Motion.from_root(smpl(), turns, root, 30.0), torch.ones(20, 4, dtype=torch.bool)) for root in (still, slide)]
+    return [
+        (Motion.from_root(smpl(), turns, root, 30.0), torch.ones(20, 4, dtype=torch.bool)) for root in (still, slide)
+    ]
 
 
 _EXERCISES = {
     "swing_angle": Exercise(
         rot.quaternion_angle,
-        lambda: [(rot.normalize(_random(5, 4)), rot.normalize(_random(5, 4, seed=1))), (torch.eye(4)[:1], -torch.eye(4)[:1])],
+        lambda: [
+            (rot.normalize(_random(5, 4)), rot.normalize(_random(5, 4, seed=1))),
+            (torch.eye(4)[:1], -torch.eye(4)[:1]),
+        ],
         "q and -q are the same rotation, so the angle between them is 0: use the absolute value of w",
     ),
     "sixd_to_matrix": Exercise(
@@ -93,7 +98,9 @@ product is negative) and keep the result at length 1
     """
     if name not in _EXERCISES:
         near = difflib.get_close_matches(name, _EXERCISES, 1, 0.3)
-        raise MotionKitError(f"no exercise {name!r}; {'did you mean ' + repr(near[0]) + '? ' if near else ''}all: {', '.join(names())}")
+        raise MotionKitError(
+            f"no exercise {name!r}; {'did you mean ' + repr(near[0]) + '? ' if near else ''}all: {', '.join(names())}"
+        )
     problem = _first_problem(_EXERCISES[name], mine)
     print(f"{name}: {problem or 'right.'}")
     return problem is None

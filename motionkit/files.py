@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 from .errors import MotionKitError
 
@@ -31,22 +34,24 @@ def read_bytes(path: str | os.PathLike) -> bytes:
         raise MotionKitError(f"{path}: cannot be read: {error}") from None
 
 
-def write_atomic(path: str | os.PathLike, content: str | bytes) -> Path:
-    """Write a whole file or nothing: to a temporary file beside it, then renamed. Returns the path.
+@contextmanager
+def open_atomic(path: str | os.PathLike) -> Iterator[BinaryIO]:
+    """A binary file to write to, which takes the place of `path` once all is written, or leaves nothing.
 
     Raises MotionKitError if the folder does not exist or cannot be written.
 
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_atomic(Path(folder) / "a.txt", "hello").read_text()
-    'hello'
+    ...     with open_atomic(Path(folder) / "a.bin") as file:
+    ...         written = file.write(b"12345")
+    ...     (Path(folder) / "a.bin").stat().st_size
+    5
     """
     path = Path(path)
-    data = content.encode() if isinstance(content, str) else content
     temporary = None
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name[:40]}.", dir=path.parent)
         with os.fdopen(handle, "wb") as file:
-            file.write(data)
+            yield file
         umask = os.umask(0)
         os.umask(umask)
         os.chmod(temporary, 0o666 & ~umask)  # mkstemp makes private files; a result should be readable as usual
@@ -56,4 +61,17 @@ def write_atomic(path: str | os.PathLike, content: str | bytes) -> Path:
     finally:
         if temporary and os.path.exists(temporary):
             os.unlink(temporary)
-    return path
+
+
+def write_atomic(path: str | os.PathLike, content: str | bytes) -> Path:
+    """Write a whole file or nothing: to a temporary file beside it, then renamed. Returns the path.
+
+    Raises MotionKitError if the folder does not exist or cannot be written.
+
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_atomic(Path(folder) / "a.txt", "hello").read_text()
+    'hello'
+    """
+    with open_atomic(path) as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+    return Path(path)

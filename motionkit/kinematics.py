@@ -90,8 +90,8 @@ def _positions_of_chunk(skeleton: Skeleton, q: Tensor, t: Tensor) -> Tensor:
     # a plain 2D transpose, then whole rows: much faster than one gather over the strided view
     q_rows = torch.cat([order * 4 + c for c in range(4)])
     t_rows = torch.cat([order * 3 + c for c in range(3)])
-    q = q.reshape(frames, -1).t().contiguous().index_select(0, q_rows).reshape(4, joints, frames)
-    t = t.reshape(frames, -1).t().contiguous().index_select(0, t_rows).reshape(3, joints, frames)
+    q = q.flatten(1).t().contiguous().index_select(0, q_rows).reshape(4, joints, frames)
+    t = t.flatten(1).t().contiguous().index_select(0, t_rows).reshape(3, joints, frames)
     return _positions(skeleton, q, t).index_select(1, back).permute(2, 1, 0)
 
 

@@ -139,7 +139,7 @@ class Motion:
         if not fps > 0:
             raise MotionKitError(f"cannot resample to {fps} fps; give a rate above 0")
         if not len(self) or fps == self.fps:
-            return self
+            return self.replace(fps=float(fps))
         count = int((len(self) - 1) / self.fps * fps + 1e-6) + 1
         return self.at(torch.arange(count, dtype=torch.float64) * (self.fps / fps)).replace(fps=float(fps))
 
@@ -147,7 +147,7 @@ class Motion:
         """The motion read at fractional frame numbers [N], clamped to its ends; slerp in between."""
         if not len(self):
             raise MotionKitError(f"motion {self.name!r} has no frames to read from")
-        last = len(self) - 1
+        frames, last = torch.as_tensor(frames), len(self) - 1
         low = frames.floor().long().clamp(0, max(last - 1, 0))
         high = (low + 1).clamp(max=last)
         t = (frames - low).clamp(0, 1).to(self.rotations.dtype)[:, None]
@@ -173,7 +173,7 @@ class Motion:
         return turned.moved(offset=(-float(start[0]), 0.0, -float(start[1])))
 
     def body(self) -> Motion:
-        """The motion without helper joints above the pelvis (say, one on the ground): the pelvis is its root."""
+        """The motion without helper joints above the pelvis (say, one on the ground)."""
         pelvis = self.skeleton.pelvis
         if pelvis == 0:
             return self

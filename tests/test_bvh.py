@@ -1,4 +1,4 @@
-"""The BVH reader and writer: every dialect, a chain done by hand, there and back, and errors that say where."""
+"""The BVH reader and writer: every dialect, a chain done by hand, and there and back."""
 
 import math
 import warnings
@@ -50,8 +50,9 @@ def one_joint(channels: str, *rows: str, offset: str = "0 0 0") -> str:
     """Text of a file with a root that has only rotations and a child with the given channels and rows."""
     count = len(channels.split())
     return (
-        f"HIERARCHY\nROOT a\n{{\nOFFSET 1 2 3\nCHANNELS 0\nJOINT b\n{{\nOFFSET {offset}\nCHANNELS {count} {channels}\n"
-        f"}}\n}}\nMOTION\nFrames: {len(rows)}\nFrame Time: 0.1\n" + "".join(r + "\n" for r in rows)
+        f"HIERARCHY\nROOT a\n{{\nOFFSET 1 2 3\nCHANNELS 0\nJOINT b\n{{\nOFFSET {offset}\n"
+        f"CHANNELS {count} {channels}\n}}\n}}\nMOTION\nFrames: {len(rows)}\nFrame Time: 0.1\n"
+        + "".join(r + "\n" for r in rows)
     )
 
 
@@ -74,7 +75,7 @@ def test_chain_by_hand():
     m = read(CHAIN)
     assert m.skeleton.names == ("Hips", "Knee", "Foot") and m.skeleton.parents == (-1, 0, 1)
     assert m.fps == 30.0 and len(m) == 2 and m.name == "clip"
-    # the root's position channels replace its offset; turned by 90 degrees about Z, +Y becomes -X and +X becomes +Y
+    # the root's position channels replace its offset; a quarter turn about Z takes +Y to -X and +X to +Y
     expected = [[[5, 6, 7], [3, 6, 7], [3, 7, 7]], [[5, 6, 7], [3, 6, 7], [3, 6, 6]]]
     assert torch.allclose(m.positions(), torch.tensor(expected).float(), atol=1e-5)
     assert m.skeleton.end_sites == ((2, (0.0, 0.0, 0.5)),)
@@ -132,17 +133,21 @@ def test_channels_in_any_order_and_mixed():
         lambda t: t.replace("\n  {", " {").replace("\n    {", "{"),
         lambda t: t.partition("MOTION")[0].replace("\n", " ") + "MOTION" + t.partition("MOTION")[2],
         lambda t: t.replace("  0 0 0", "\n0 0\n 0"),
-        lambda t: t.replace("}\nMOTION\nFrames: ", "}\n\nmotion  \n\n Frames :\t").replace("Frame Time:", "frame time :"),
+        lambda t: t.replace("}\nMOTION\nFrames: ", "}\n\nmotion  \n\n Frames :\t").replace(
+            "Frame Time:", "frame time :"
+        ),
         lambda t: t.replace("HIERARCHY", "hierarchy").replace("JOINT", "Joint").replace("End Site", "END SITE"),
         lambda t: t.replace("CHANNELS 3 Z", "CHANNELS 3\n      Z"),
     ],
-    ids="crlf cr tabs no-final-newline bom utf-16 blank-lines scientific braces one-line wrapped words case split".split(),
+    ids="crlf cr tabs no-end bom utf-16 blank scientific braces one-line wrapped words case split".split(),
 )
 def test_dialects_read_alike(change):
     same(read(CHAIN), read(change(CHAIN)))
 
 
-@pytest.mark.parametrize("name", ["left hand", "mixamorig:LeftHand", "a  b", "Hand.L", "手", "End", "JOINT", "MOTION x", "1e5"])
+@pytest.mark.parametrize(
+    "name", ["left hand", "mixamorig:LeftHand", "a  b", "Hand.L", "手", "End", "JOINT", "MOTION x", "1e5"]
+)
 def test_names_are_kept(name):
     m = read(CHAIN.replace("JOINT Knee", f"JOINT  {name} "))
     assert m.skeleton.names == ("Hips", name, "Foot")
@@ -194,7 +199,7 @@ def test_frame_time_zero_needs_fps():
 
 @pytest.mark.parametrize(
     "word, fps",
-    [("0.033333", 30), ("0.0333333", 30), ("0.03333333333", 30), (".008333", 120), ("8.3333e-3", 120), ("0.04", 25),
+    [("0.033333", 30), ("0.03333333333", 30), (".008333", 120), ("8.3333e-3", 120), ("0.04", 25),
      ("0.033", 1 / 0.033), ("0.033366700", 1 / 0.0333667), ("0.033344448", 29.99), ("2", 0.5), ("1", 1)],
 )  # fmt: skip
 def test_frame_time_is_read_as_meant(word, fps):
@@ -203,7 +208,9 @@ def test_frame_time_is_read_as_meant(word, fps):
 
 @pytest.mark.parametrize("scale, unit", [(1.0, 1.0), (17.0, 0.056444), (100.0, 0.01), (1000.0, 0.001)])
 def test_unit_is_guessed_from_the_size(scale, unit):
-    skeleton = Skeleton(("a", "b", "c"), (-1, 0, 0), torch.tensor([[0, 1.0, 0], [0, 0.9, 0], [0, -0.9, 0]]) * scale * unit)
+    skeleton = Skeleton(
+        ("a", "b", "c"), (-1, 0, 0), torch.tensor([[0, 1.0, 0], [0, 0.9, 0], [0, -0.9, 0]]) * scale * unit
+    )
     m = Motion(skeleton, rot.identity_quaternion(1, 3), skeleton.offsets[None].clone(), 30, metres_per_unit=unit)
     same(m, there_and_back(m))
 
@@ -215,7 +222,9 @@ def test_saving_warns_where_the_unit_would_be_guessed_wrong(tmp_path):
     same(m.replace(name=""), mk.load(path, metres_per_unit=0.0254))
 
 
-@pytest.mark.parametrize("text", ["", "0", "-0.0", "1 2\n", "7.", "-.5", "123456789.123456 1234567890.12345 99999999999999999999"])
+@pytest.mark.parametrize(
+    "text", ["", "0", "-0.0", "1 2\n", "7.", "-.5", "123456789.123456 1234567890.12345 99999999999999999999"]
+)
 def test_numbers_equal_those_of_python(text):
     assert parse_numbers(text.encode()).tolist() == [float(w) for w in text.split()]
     assert str(parse_numbers(text.encode()).tolist()) == str([float(w) for w in text.split()])
@@ -236,7 +245,14 @@ def test_a_motion_gets_the_channels_it_needs():
     m = read(one_joint("Zrotation", "10"))
     turned = m.replace(rotations=rot.exp_map(torch.tensor([[[0.1, 0.2, 0.3]] * 2])), translations=m.translations + 0.5)
     again = there_and_back(turned)
-    assert again.skeleton.channels[1] == ("Xposition", "Yposition", "Zposition", "Zrotation", "Xrotation", "Yrotation")
+    assert again.skeleton.channels[1] == (
+        "Xposition",
+        "Yposition",
+        "Zposition",
+        "Zrotation",
+        "Xrotation",
+        "Yrotation",
+    )
     assert torch.allclose(again.positions(), turned.positions(), atol=1e-5)
     assert rot.quaternion_angle(again.rotations, turned.rotations).max() < 1e-3
 

@@ -6,12 +6,12 @@ import stat
 
 import pytest
 import torch
+from test_bvh import CHAIN, STILL
 
 import motionkit as mk
 from motionkit import files
 from motionkit import rotations as rot
 from motionkit.bvh import parse
-from test_bvh import CHAIN, STILL
 
 CASES = {
     "empty": (lambda t: "", 1, "expected the word HIERARCHY"),
@@ -24,23 +24,47 @@ CASES = {
     "root in joint": (lambda t: t.replace("JOINT Knee", "ROOT Knee"), 6, "a ROOT inside another joint"),
     "joint outside": (lambda t: t.replace("ROOT", "JOINT"), 2, "a JOINT outside of any joint"),
     "joint in end": (lambda t: t.replace("OFFSET 0 0 0.5", "JOINT x {"), 16, "no joint inside an End Site"),
-    "no brace": (lambda t: t.replace("Knee\n  {", "Knee\n"), 8, "expected '{' after the joint's name; found 'OFFSET'"),
+    "no brace": (
+        lambda t: t.replace("Knee\n  {", "Knee\n"),
+        8,
+        "expected '{' after the joint's name; found 'OFFSET'",
+    ),
     "extra brace": (lambda t: t.replace("MOTION", "}\nMOTION"), 21, "a '}' that closes nothing"),
-    "missing brace": (lambda t: t.replace("}\nMOTION", "\nMOTION"), 19, "a '}' is missing or the file is cut off"),
+    "missing brace": (
+        lambda t: t.replace("}\nMOTION", "\nMOTION"),
+        19,
+        "a '}' is missing or the file is cut off",
+    ),
     "no offset": (lambda t: t.replace("    OFFSET 0 2 0\n", ""), 18, "joint 'Knee' ends without an OFFSET"),
-    "two offsets": (lambda t: t.replace("    OFFSET 0 2 0", "OFFSET 0 1 0 OFFSET 0 2 0"), 8, "a second OFFSET"),
-    "bad offset": (lambda t: t.replace("OFFSET 0 2 0", "OFFSET 0 x 0"), 8, "OFFSET needs 3 finite numbers up to 1e+09; found 'x'"),
+    "two offsets": (
+        lambda t: t.replace("    OFFSET 0 2 0", "OFFSET 0 1 0 OFFSET 0 2 0"),
+        8,
+        "a second OFFSET",
+    ),
+    "bad offset": (
+        lambda t: t.replace("OFFSET 0 2 0", "OFFSET 0 x 0"),
+        8,
+        "OFFSET needs 3 finite numbers up to 1e+09; found 'x'",
+    ),
     "nan offset": (lambda t: t.replace("OFFSET 0 2 0", "OFFSET 0 0 nan"), 8, "found 'nan'"),
     "huge offset": (lambda t: t.replace("OFFSET 0 2 0", "OFFSET 1e30 0 0"), 8, "found '1e30'"),
     "short offset": (lambda t: t.replace("OFFSET 0 2 0", "OFFSET 0 2"), 9, "found 'CHANNELS'"),
-    "channel count": (lambda t: t.replace("CHANNELS 6", "CHANNELS six"), 5, "a count from 0 to 6; found 'six'"),
+    "channel count": (
+        lambda t: t.replace("CHANNELS 6", "CHANNELS six"),
+        5,
+        "a count from 0 to 6; found 'six'",
+    ),
     "too many channels": (lambda t: t.replace("CHANNELS 6", "CHANNELS 5"), 5, "found 'Yrotation'"),
     "unknown channel": (lambda t: t.replace("6 Xposition", "6 Xscale"), 5, "channel 'Xscale' is not known"),
     "double channel": (lambda t: t.replace("3 Zrot", "3 Xrot"), 9, "channel 'Xrotation' appears twice"),
     "unknown word": (lambda t: t.replace("    OFFSET 0 2 0", "SIZE 0 2 0"), 8, "found 'SIZE'"),
     "cut in header": (lambda t: t[: t.index("JOINT Foot")], 9, "a '}' is missing or the file is cut off"),
     "cut after header": (lambda t: t[: t.index("MOTION")], 21, "no line says MOTION"),
-    "cut after MOTION": (lambda t: t[: t.index("Frames")], 22, "expected 'Frames:' and a number after MOTION"),
+    "cut after MOTION": (
+        lambda t: t[: t.index("Frames")],
+        22,
+        "expected 'Frames:' and a number after MOTION",
+    ),
     "no frames": (lambda t: t.replace("Frames: 2\n", ""), 22, "expected 'Frames:'"),
     "bad frames": (lambda t: t.replace("Frames: 2", "Frames: two"), 22, "found 'two'"),
     "negative frames": (lambda t: t.replace("Frames: 2", "Frames: -2"), 22, "found '-2'"),
@@ -51,13 +75,25 @@ CASES = {
     "nan": (lambda t: t.replace("0 0 90", "0 nan 90"), 25, "frame 1: Xrotation of joint 'Knee' is nan"),
     "inf": (lambda t: t.replace("5 6 7", "5 -inf 7", 1), 24, "frame 0: Yposition of joint 'Hips' is -inf"),
     "overflow": (lambda t: t.replace("5 6 7", "5 1e999 7", 1), 24, "is inf; expected a finite number"),
-    "huge": (lambda t: t.replace("5 6 7", "5 1e20 7", 1), 24, "is 1e+20; expected a finite number up to 1e+09"),
-    "short row": (lambda t: t.replace("5 6 7 90", "5 6 7", 1), 24, "12 numbers; found 11 on this line and 23 numbers in all"),
+    "huge": (
+        lambda t: t.replace("5 6 7", "5 1e20 7", 1),
+        24,
+        "is 1e+20; expected a finite number up to 1e+09",
+    ),
+    "short row": (
+        lambda t: t.replace("5 6 7 90", "5 6 7", 1),
+        24,
+        "12 numbers; found 11 on this line and 23 numbers in all",
+    ),
     "long row": (lambda t: t.rstrip() + " 1", 25, "found 13 on this line and 25 numbers in all"),
     "cut in a row": (lambda t: t[:-9], 25, "found 9 on this line"),
-    "cut in a number": (lambda t: t[:t.index("5 6 7")] + "1.250 " * 23 + "1.2", 24, "the file is cut off"),
+    "cut in a number": (lambda t: t[: t.index("5 6 7")] + "1.250 " * 23 + "1.2", 24, "the file is cut off"),
     "cut after the heads": (lambda t: t[: t.index("5 6 7")], 24, "found 0 numbers in all"),
-    "wrapped and short": (lambda t: t.replace("5 6 7", "5\n6 7").replace(" 0 0", "\n0 0")[:-4], 35, "found 22 numbers in all"),
+    "wrapped and short": (
+        lambda t: t.replace("5 6 7", "5\n6 7").replace(" 0 0", "\n0 0")[:-4],
+        35,
+        "found 22 numbers in all",
+    ),
 }
 
 
@@ -66,7 +102,9 @@ def test_errors_name_file_and_line(case):
     change, line, message = CASES[case]
     with pytest.raises(mk.MotionKitError) as caught:
         parse(change(CHAIN).encode(), "clips/walk.bvh")
-    assert str(caught.value).startswith(f"clips/walk.bvh, line {line}") and message in str(caught.value), str(caught.value)
+    assert str(caught.value).startswith(f"clips/walk.bvh, line {line}") and message in str(caught.value), str(
+        caught.value
+    )
     for end in ("\r\n", "\r"):  # whatever way lines end
         with pytest.raises(mk.MotionKitError, match=f", line {line}[:,]"):
             parse(change(CHAIN).replace("\n", end).encode(), "clips/walk.bvh")
@@ -78,13 +116,17 @@ def test_no_channels_at_all():
         parse(text.encode(), "x.bvh")
 
 
-@pytest.mark.parametrize("junk", [bytes(range(256)) * 10, b"\x00" * 100, b"\xff\xfe\x00", b"\x89PNG\r\n\x1a\n", b"PK\x03\x04"])
+@pytest.mark.parametrize(
+    "junk", [bytes(range(256)) * 10, b"\x00" * 100, b"\xff\xfe\x00", b"\x89PNG\r\n\x1a\n", b"PK\x03\x04"]
+)
 def test_binary_junk(junk):
     with pytest.raises(mk.MotionKitError, match=r"x.bvh, line \d+: "):
         parse(junk, "x.bvh")
 
 
-@pytest.mark.parametrize("more", [{"fps": 0}, {"fps": "fast"}, {"metres_per_unit": -1}, {"metres_per_unit": float("nan")}])
+@pytest.mark.parametrize(
+    "more", [{"fps": 0}, {"fps": "fast"}, {"metres_per_unit": -1}, {"metres_per_unit": float("nan")}]
+)
 def test_wrong_arguments(more):
     with pytest.raises(mk.MotionKitError, match="x.bvh: .* must be a number above 0"):
         parse(CHAIN.encode(), "x.bvh", **more)

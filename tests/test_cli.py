@@ -25,7 +25,7 @@ def test_play_writes_a_page_without_network(tmp_path, capsys):
     page = tmp_path / "walk.html"
     assert main(["play", "data/walk_neutral.bvh", "data/walk_old.bvh", "-o", str(page), "--no-open"]) == 0
     text = page.read_text()
-    assert "<html" in text.lower() and "src=\"http" not in text and "import(\"http" not in text
+    assert "<html" in text.lower() and 'src="http' not in text and 'import("http' not in text
 
 
 @pytest.mark.parametrize(
@@ -33,8 +33,14 @@ def test_play_writes_a_page_without_network(tmp_path, capsys):
     [
         (["info", "nowhere.bvh"], "no such file"),
         (["stylize", "data/walk_neutral.bvh", "--style", "README.md", "-o", "x.bvh"], "README.md"),
-        (["stylize", "data/walk_neutral.bvh", "--style", "data/walk_old.bvh", "-o", "no/such/folder/x.bvh"], "cannot be written"),
-        (["stylize", "data/walk_neutral.bvh", "--style", "data/walk_old.bvh", "-o", "x.bvh", "--method", "magic"], "no method"),
+        (
+            ["stylize", "data/walk_neutral.bvh", "--style", "data/walk_old.bvh", "-o", "no/such/folder/x.bvh"],
+            "cannot be written",
+        ),
+        (
+            ["stylize", "data/walk_neutral.bvh", "--style", "data/walk_old.bvh", "-o", "x.bvh", "--method", "magic"],
+            "no method",
+        ),
     ],
 )
 def test_errors_are_one_line_and_exit_code_2(arguments, part, capsys):

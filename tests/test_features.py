@@ -1,4 +1,4 @@
-"""Layouts: there and back, meaning of the numbers, and HumanML3D against a decoder written from the published format."""
+"""Layouts: there and back, meaning of the numbers, HumanML3D against a decoder written from the published format."""
 
 import numpy as np
 import pytest
@@ -94,7 +94,8 @@ def test_facing_free_numbers_mean_what_the_table_says(walk):
     head = walk.skeleton.index("head")
     number = next(n for n in range(199) if layout.joint_of(n) == head and "positions y" in layout.describe(n))
     assert torch.allclose(x[:, number], walk.positions()[:, head, 1] - root[:, 1], atol=1e-6)
-    assert layout.describe(0) == "root yaw velocity (rad, m/frame)"
+    assert layout.describe(0) == "root yaw velocity (rad/frame)" and layout.describe(3) == "root height (m)"
+    assert layout.describe(198) == f"rotations column 2 z of {walk.skeleton.names[-1]}"
     with pytest.raises(mk.MotionKitError, match="0 to 198"):
         layout.describe(199)
 
@@ -130,7 +131,12 @@ def test_humanml3d_decodes_with_the_published_formulas(walk):
     ours = layout.positions(x)[:, smpl_order(slow)]
     assert np.abs(published - ours.numpy()).max() < 1e-4
     joints = slow.positions()[:, smpl_order(slow)].numpy()
-    assert np.abs(np.linalg.norm(np.diff(published, axis=0), axis=-1) - np.linalg.norm(np.diff(joints, axis=0), axis=-1)).max() < 1e-4
+    assert (
+        np.abs(
+            np.linalg.norm(np.diff(published, axis=0), axis=-1) - np.linalg.norm(np.diff(joints, axis=0), axis=-1)
+        ).max()
+        < 1e-4
+    )
 
 
 def test_humanml3d_file_from_elsewhere_decodes_without_a_skeleton(walk):
@@ -154,7 +160,10 @@ def test_humanml3d_velocities_contacts_and_turning_sign(walk):
     still = (slow.positions()[1:, feet] - slow.positions()[:-1, feet]).square().sum(-1) < 0.002
     assert torch.equal(x[:-1, layout.slices["contacts"]].bool(), still) and still.any() and not still.all()
     assert x[:, 0].mean() < 0  # this clip turns left, and the format counts turns to the right
-    assert abs(float(-2 * x[:-1, 0].sum()) - float(body_frames(slow, 20.0).yaw[-1] - body_frames(slow, 20.0).yaw[0])) < 1e-4
+    assert (
+        abs(float(-2 * x[:-1, 0].sum()) - float(body_frames(slow, 20.0).yaw[-1] - body_frames(slow, 20.0).yaw[0]))
+        < 1e-4
+    )
 
 
 def test_humanml3d_rotations_rebuild_the_pose_from_the_root(walk):
@@ -162,7 +171,13 @@ def test_humanml3d_rotations_rebuild_the_pose_from_the_root(walk):
     layout = HumanML3D()
     slow = walk.resample(20).at_origin()
     x = layout.encode(slow)
-    turns = dict(zip(layout.order[1:], rot.sixd_to_quaternion(x[:, layout.slices["rotations"]].unflatten(1, (-1, 6))).unbind(1), strict=True))
+    turns = dict(
+        zip(
+            layout.order[1:],
+            rot.sixd_to_quaternion(x[:, layout.slices["rotations"]].unflatten(1, (-1, 6))).unbind(1),
+            strict=True,
+        )
+    )
     index = slow.skeleton.index
     yaw = body_frames(slow, 20.0).yaw
     whole = rot.yaw_to_quaternion(-yaw)
@@ -180,7 +195,9 @@ def test_style_erd_numbers(walk):
     q = x[:, layout.slices["rotations"]].unflatten(1, (-1, 4))
     assert torch.allclose(q.norm(dim=-1), torch.ones(120, 22), atol=1e-5)
     places = walk.at_origin().positions()
-    assert torch.allclose(integrate(x[:, layout.slices["velocities"]].unflatten(1, (-1, 3))[:, 0]), places[:, 0] - places[0, 0], atol=1e-4)
+    assert torch.allclose(
+        integrate(x[:, layout.slices["velocities"]].unflatten(1, (-1, 3))[:, 0]), places[:, 0] - places[0, 0], atol=1e-4
+    )
 
 
 def test_layouts_refuse_what_does_not_fit(walk):

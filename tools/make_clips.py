@@ -55,14 +55,20 @@ class Gait:
 CLIPS = {
     "walk_neutral": Gait(),
     "walk_turning": Gait(turn=0.45),
-    "walk_proud": Gait(1.7, 0.65, lift=0.07, roll=0.75, crouch=0.04, bob=0.03, hip_turn=0.14, shoulder_turn=0.2, lean=-0.07, slump=-0.12, head=-0.1,
-                       arm_swing=0.6, arm_out=0.3, elbow=0.35, elbow_swing=0.3),
-    "walk_old": Gait(1.25, 0.34, width=0.11, lift=0.02, roll=0.2, crouch=0.07, bob=0.01, sway=0.035, hip_turn=0.04,
-                     shoulder_turn=0.04, lean=0.3, slump=0.3, head=-0.25, arm_swing=0.12, arm_out=0.22, elbow=0.95,
-                     elbow_swing=0.05, side_bend=0.05),
-    "walk_childlike": Gait(2.2, 0.5, width=0.06, lift=0.1, roll=0.75, crouch=0.03, bob=0.04, sway=0.03, hip_turn=0.12,
-                           shoulder_turn=0.25, lean=0.0, slump=-0.05, head=-0.12, arm_swing=0.8, arm_out=0.55, elbow=0.6,
-                           elbow_swing=0.5, side_bend=0.09),
+    "walk_proud": Gait(
+        1.7, 0.65, lift=0.07, roll=0.75, crouch=0.04, bob=0.03, hip_turn=0.14, shoulder_turn=0.2, lean=-0.07,
+        slump=-0.12, head=-0.1, arm_swing=0.6, arm_out=0.3, elbow=0.35, elbow_swing=0.3,
+    ),
+    "walk_old": Gait(
+        1.25, 0.34, width=0.11, lift=0.02, roll=0.2, crouch=0.07, bob=0.01, sway=0.035, hip_turn=0.04,
+        shoulder_turn=0.04, lean=0.3, slump=0.3, head=-0.25, arm_swing=0.12, arm_out=0.22, elbow=0.95,
+        elbow_swing=0.05, side_bend=0.05,
+    ),
+    "walk_childlike": Gait(
+        2.2, 0.5, width=0.06, lift=0.1, roll=0.75, crouch=0.03, bob=0.04, sway=0.03, hip_turn=0.12,
+        shoulder_turn=0.25, lean=0.0, slump=-0.05, head=-0.12, arm_swing=0.8, arm_out=0.55, elbow=0.6,
+        elbow_swing=0.5, side_bend=0.09,
+    ),
 }  # fmt: skip
 
 

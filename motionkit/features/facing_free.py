@@ -35,6 +35,11 @@ class FacingFree(Layout):
         "positions": ("x", "y", "z"),
         "rotations": ("column 1 x", "column 1 y", "column 1 z", "column 2 x", "column 2 y", "column 2 z"),
     }
+    units = {
+        "root": ("rad/frame", "m/frame", "m/frame", "m"),
+        "positions": ("m",),
+        "rotations": ("",),
+    }
 
     @property
     def joints(self) -> dict[str, list[int]]:
@@ -42,9 +47,9 @@ class FacingFree(Layout):
 
     def rows(self) -> list[Row]:
         return self._lay_out(
-            ("root", "turning about Y; moving left (x) and forward (z); height of the root", "rad, m/frame"),
-            ("positions", "joint relative to the root joint, facing +Z", "m"),
-            ("rotations", "6D, relative to the parent; the root's relative to the facing", "none"),
+            ("root", "turning about Y; moving left (x) and forward (z); height of the root"),
+            ("positions", "joint relative to the root joint, facing +Z"),
+            ("rotations", "6D, relative to the parent; the root's relative to the facing"),
         )
 
     def encode(self, motion: Motion) -> Tensor:

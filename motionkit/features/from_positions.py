@@ -33,7 +33,9 @@ def motion_from_positions(
     seen = rot.quaternion_rotate(rot.quaternion_inverse(world[:, parents]), bones)
     if not keep_lengths:
         offsets = torch.cat((skeleton.offsets[:1].to(seen), seen.mean(0)))
-        skeleton = Skeleton(skeleton.names, skeleton.parents, offsets, skeleton.channels, skeleton.end_sites, skeleton.twins)
+        skeleton = Skeleton(
+            skeleton.names, skeleton.parents, offsets, skeleton.channels, skeleton.end_sites, skeleton.twins
+        )
     translations = skeleton.offsets.to(positions).expand(len(positions), -1, -1).clone()
     translations[:, 0] = positions[:, 0]
     for joint in skeleton.chain(skeleton.pelvis)[1:]:  # below a helper joint the body may stand anywhere

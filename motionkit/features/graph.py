@@ -29,13 +29,14 @@ class Graph(Layout):
     """
 
     components = {"joint": ("x", "y", "z", "quaternion w", "quaternion x", "quaternion y", "quaternion z")}
+    units = {"joint": ("m", "m", "m", "", "", "", "")}
 
     @property
     def joints(self) -> dict[str, list[int]]:
         return {"joint": list(range(len(self.skeleton)))}
 
     def rows(self) -> list[Row]:
-        return self._lay_out(("joint", "position, then unit quaternion w x y z, in the root's ground frame", "m, none"))
+        return self._lay_out(("joint", "position, then unit quaternion w x y z, in the root's ground frame"))
 
     def encode(self, motion: Motion) -> Tensor:
         """A motion of F frames to a graph [F, J, 7]; MotionKitError if its skeleton or frame rate is another."""

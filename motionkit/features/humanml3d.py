@@ -55,6 +55,13 @@ class HumanML3D(Layout):
         "velocities": ("x", "y", "z"),
         "contacts": ("stands",),
     }
+    units = {
+        "root": ("rad/frame", "m/frame", "m/frame", "m"),
+        "positions": ("m",),
+        "rotations": ("",),
+        "velocities": ("m/frame",),
+        "contacts": ("",),
+    }
 
     @property
     def order(self) -> list[int]:
@@ -74,11 +81,11 @@ class HumanML3D(Layout):
 
     def rows(self) -> list[Row]:
         return self._lay_out(
-            ("root", "half the turn to the right; speed left (x) and forward (z); height", "rad, m/frame"),
-            ("positions", "joint relative to the root's place on the ground, facing +Z", "m"),
-            ("rotations", "6D of the bone that ends at the joint, from positions, no twist", "none"),
-            ("velocities", "joint, seen from the body", "m/frame"),
-            ("contacts", "1 where the foot joint stands", "none"),
+            ("root", "half the turn to the right; speed left (x) and forward (z); height"),
+            ("positions", "joint relative to the root's place on the ground, facing +Z"),
+            ("rotations", "6D of the bone that ends at the joint, from positions, no twist"),
+            ("velocities", "joint, seen from the body"),
+            ("contacts", "1 where the foot joint stands"),
         )
 
     def _feet(self) -> list[int]:
@@ -154,7 +161,9 @@ class HumanML3D(Layout):
         Rotations are found from the positions (the rotation slice holds no twist and is not needed). Bones keep the
         skeleton's lengths; without a skeleton of its own, the layout takes SMPL's tree with lengths from the data.
         """
-        return motion_from_positions(self.positions(x), self.skeleton, self.fps, keep_lengths=self._skeleton is not None)
+        return motion_from_positions(
+            self.positions(x), self.skeleton, self.fps, keep_lengths=self._skeleton is not None
+        )
 
 
 def _chains(skeleton: Skeleton) -> list[list[int]]:
@@ -182,4 +191,3 @@ def _rest_direction(skeleton: Skeleton, joint: int) -> tuple[float, ...]:
     if set(skeleton.names) == set(smpl().names):
         return _REST.get(skeleton.names[joint], (0, -1, 0))
     return tuple(rot.normalize(skeleton.offsets[joint]).tolist())
-

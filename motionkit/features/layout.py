@@ -72,18 +72,18 @@ class Layout:
 
     def table(self) -> str:
         """The table as text, for printing."""
-        lines = [f"{'numbers':>9}  {'part':<12} {'unit':<14} meaning"]
-        lines += [f"{f'{r.start}-{r.stop - 1}':>9}  {r.name:<12} {r.unit:<14} {r.meaning}" for r in self.rows()]
+        lines = [f"{'numbers':>9}  {'part':<12} {'unit':<20} meaning"]
+        lines += [f"{f'{r.start}-{r.stop - 1}':>9}  {r.name:<12} {r.unit:<20} {r.meaning}" for r in self.rows()]
         return "\n".join(lines)
 
     def describe(self, number: int) -> str:
         """What one number of the vector means, in words; its joint, if it has one, is `joint_of(number)`."""
         row = self._row(number)
-        parts = self.components[row.name]
+        which = (number - row.start) % len(self.components[row.name])
         joint = self.joint_of(number)
-        part = parts[(number - row.start) % len(parts)]
         where = f" of {self.skeleton.names[joint]}" if joint is not None else ""
-        return f"{row.name} {part}{where} ({row.unit})"
+        unit = self._units(row.name)[which]
+        return f"{row.name} {self.components[row.name][which]}{where}" + (f" ({unit})" if unit else "")
 
     def joint_of(self, number: int) -> int | None:
         """The joint that one number of the vector speaks of, or None where it speaks of the whole body."""
@@ -96,19 +96,27 @@ class Layout:
             raise MotionKitError(f"this layout has numbers 0 to {self.size - 1}; found {number}")
         return next(r for r in self.rows() if r.start <= number < r.stop)
 
-    # what `describe` needs: for each part the names of its components, and its joints (empty: the whole body)
+    # what `describe` needs: for each part the names of its components, their units (one for all, or one each; empty
+    # for a pure number), and its joints (empty: the whole body)
     components: dict[str, tuple[str, ...]] = {}
+    units: dict[str, tuple[str, ...]] = {}
 
     @property
     def joints(self) -> dict[str, list[int]]:
         """For each part, the joints it runs through, in order; empty for parts about the whole body."""
         raise NotImplementedError
 
-    def _lay_out(self, *parts: tuple[str, str, str]) -> list[Row]:
-        """Rows from (name, meaning, unit), sized by `components` and `joints`."""
+    def _units(self, part: str) -> tuple[str, ...]:
+        """The unit of each of a part's components."""
+        units = self.units[part]
+        return units * len(self.components[part]) if len(units) == 1 else units
+
+    def _lay_out(self, *parts: tuple[str, str]) -> list[Row]:
+        """Rows from (name, meaning), sized by `components` and `joints`."""
         rows, start = [], 0
-        for name, meaning, unit in parts:
+        for name, meaning in parts:
             stop = start + len(self.components[name]) * max(len(self.joints[name]), 1)
+            unit = ", ".join(dict.fromkeys(u or "none" for u in self._units(name)))
             rows.append(Row(start, stop, name, meaning, unit))
             start = stop
         return rows
@@ -121,8 +129,8 @@ class Layout:
             self._fps = motion.fps
         if not motion.skeleton.same_tree(self.skeleton):
             raise MotionKitError(
-                f"this {type(self).__name__} is for {self.skeleton!r}; found {motion.skeleton!r}: make a layout for it, "
-                f"{type(self).__name__}(motion.skeleton)"
+                f"this {type(self).__name__} is for {self.skeleton!r}; found {motion.skeleton!r}: make a layout "
+                f"for it, {type(self).__name__}(motion.skeleton)"
             )
         if abs(motion.fps - self.fps) > 1e-3:
             raise MotionKitError(f"this layout counts {self.fps:g} frames a second: use motion.resample({self.fps:g})")

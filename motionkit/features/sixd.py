@@ -12,7 +12,7 @@ from .layout import Layout, Row
 
 
 class SixD(Layout):
-    """6D rotations 6J, local to the parent, and the root's translation in the world (paper 5, section 3); 6J + 3 numbers.
+    """6D rotations 6J, local to the parent, and the root's translation in the world (paper 5, section 3); 6J + 3.
 
     The layout keeps where the clip stands and faces, so that decoding gives the motion back where it was. The root
     joint is the skeleton's pelvis; helper joints above it are taken to stand at the origin.
@@ -29,15 +29,14 @@ class SixD(Layout):
         "rotations": ("column 1 x", "column 1 y", "column 1 z", "column 2 x", "column 2 y", "column 2 z"),
         "translation": ("x", "y", "z"),
     }
+    units = {"rotations": ("",), "translation": ("m",)}
 
     @property
     def joints(self) -> dict[str, list[int]]:
         return {"rotations": list(range(len(self.skeleton))), "translation": []}
 
     def rows(self) -> list[Row]:
-        return self._lay_out(
-            ("rotations", "6D, relative to the parent", "none"), ("translation", "the root in the world", "m")
-        )
+        return self._lay_out(("rotations", "6D, relative to the parent"), ("translation", "the root in the world"))
 
     def encode(self, motion: Motion) -> Tensor:
         """A motion of F frames to features [F, 6J + 3]; MotionKitError if its skeleton or frame rate is another."""

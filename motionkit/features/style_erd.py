@@ -26,6 +26,7 @@ class StyleERD(Layout):
     """
 
     components = {"rotations": ("w", "x", "y", "z"), "positions": ("x", "y", "z"), "velocities": ("x", "y", "z")}
+    units = {"rotations": ("",), "positions": ("m",), "velocities": ("m/frame",)}
 
     @property
     def joints(self) -> dict[str, list[int]]:
@@ -34,9 +35,9 @@ class StyleERD(Layout):
 
     def rows(self) -> list[Row]:
         return self._lay_out(
-            ("rotations", "unit quaternion w x y z, relative to the parent", "none"),
-            ("positions", "joint relative to the root's place on the ground", "m"),
-            ("velocities", "joint in the world, to the next frame", "m/frame"),
+            ("rotations", "unit quaternion w x y z, relative to the parent"),
+            ("positions", "joint relative to the root's place on the ground"),
+            ("velocities", "joint in the world, to the next frame"),
         )
 
     def encode(self, motion: Motion) -> Tensor:

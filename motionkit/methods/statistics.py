@@ -12,7 +12,9 @@ from torch import Tensor
 from ..contacts import foot_contacts, lock_feet
 from ..errors import MotionKitError
 from ..features import FacingFree
+from ..features.bones import bone_directions, bone_names, turn_bones
 from ..motion import Motion
+from ..rotations import normalize
 
 
 def match_statistics(content: Tensor, style: Tensor, most: float = 3.0) -> Tensor:
@@ -59,11 +61,13 @@ def warp_velocity(features: Tensor, factor: float) -> Tensor:
 class Statistics:
     """Statistics transfer: match mean and spread per feature, warp the speed (paper 1, eq. 13), lock the feet.
 
-    It needs no training and one style clip on the same skeleton. It carries postures well; timing, and whatever
-    the style does in another order than the content, it cannot.
+    It needs no training and one style clip. On one skeleton the features are paper 1's (`FacingFree`); between rigs
+    with other joints or rest poses they are the directions of the bones that both have by name. It carries postures
+    well; timing, and whatever the style does in another order than the content, it cannot.
 
     >>> import motionkit as mk
-    >>> old = mk.methods.load("statistics").stylize(mk.load("data/walk_neutral.bvh"), style=mk.load("data/walk_old.bvh"))
+    >>> walk, style = mk.load("data/walk_neutral.bvh"), mk.load("data/walk_old.bvh")
+    >>> old = mk.methods.load("statistics").stylize(walk, style=style)
     >>> len(old), old.name
     (120, 'walk_neutral as walk_old')
     """
@@ -73,28 +77,26 @@ class Statistics:
     def stylize(self, content: Motion, style: Motion, strength: float = 1.0, lock: bool = True) -> Motion:
         """The content clip in the manner of the style clip.
 
-        content: F frames. style: a Motion on the same skeleton, of any length and frame rate. strength: 0 keeps the
-        content, 1 takes all of the style's statistics, more exaggerates. lock: hold standing feet still. Returns F
-        frames at the content's rate, starting where the content starts. Raises MotionKitError if the style is no
-        Motion or the skeletons differ.
+        content: F frames. style: a Motion of any length and frame rate. strength: 0 keeps the content, 1 takes all of
+        the style's statistics, more exaggerates. lock: hold standing feet still. Returns F frames at the content's
+        rate, on its skeleton, starting where it starts. Raises MotionKitError if the style is no Motion, a clip is too
+        short, or the skeletons have too few bones in common.
         """
-        content_body, style_body = self._bodies(content, style)
-        layout = FacingFree(content_body.skeleton, content.fps)
-        x = layout.encode(content_body)
-        wanted = FacingFree(style_body.skeleton, content.fps).encode(style_body)
-        factor = velocity_factor(style_body) / max(velocity_factor(content_body), 1e-6)
-        y = warp_velocity(match_statistics(x, wanted), factor)
-        y[:, :3] = torch.where(torch.tensor([True, False, False]), x[:, :3], warp_velocity(x, factor)[:, :3])
-        body = layout.decode(torch.lerp(x, y, strength))
-        start = content_body[:1]
-        yaw, place = start.facing()[0], start.root_path()[0]
-        body = body.moved(yaw, (float(place[0]), 0.0, float(place[1])))
+        self._check(content, style)
+        given, wanted = content.body(), style.resample(content.fps).body()
+        factor = 1 + strength * (_relative_liveliness(wanted) / max(_relative_liveliness(given), 1e-6) - 1)
+        if given.skeleton.same_tree(wanted.skeleton):
+            body = self._by_features(given, wanted, factor, strength)
+        else:
+            body = self._by_directions(given, wanted, factor, strength)
+        start = given[:1]
+        place = start.root_path()[0]
+        body = body.moved(start.facing()[0], (float(place[0]), 0.0, float(place[1])))
         if lock:
-            body = self._on_the_ground(body, content_body, style_body)
+            body = self._on_the_ground(body, given, wanted)
         return content.with_body(body).replace(name=f"{content.name} as {style.name}")
 
-    def _bodies(self, content: Motion, style: Motion) -> tuple[Motion, Motion]:
-        """Both clips without helper joints above the pelvis, at the content's frame rate; checked."""
+    def _check(self, content: Motion, style: Motion) -> None:
         if not isinstance(style, Motion):
             raise MotionKitError(
                 f"statistics transfer takes its style from a motion: stylize(content, style=mk.load('style.bvh')); "
@@ -103,22 +105,53 @@ class Statistics:
         for what, motion in (("content", content), ("style", style)):
             if len(motion) < 2:
                 raise MotionKitError(f"the {what} clip {motion.name!r} has {len(motion)} frames; two are the least")
-        if not content.skeleton.same_tree(style.skeleton):
-            extra = sorted(set(content.skeleton.names) ^ set(style.skeleton.names))[:4]
+
+    def _by_features(self, content: Motion, style: Motion, factor: float, strength: float) -> Motion:
+        """Both on one skeleton: match everything but the root's path, whose speed is warped."""
+        layout = FacingFree(content.skeleton, content.fps)
+        x = layout.encode(content)
+        y = torch.lerp(x, match_statistics(x, FacingFree(style.skeleton, content.fps).encode(style)), strength)
+        y[:, :3] = x[:, :3]
+        return layout.decode(warp_velocity(y, factor))
+
+    def _by_directions(self, content: Motion, style: Motion, factor: float, strength: float) -> Motion:
+        """Two rigs: match the directions of the bones that both have; the pelvis sinks as far as the style's does."""
+        shared = [b for b in bone_names(content.skeleton) if b in bone_names(style.skeleton)]
+        if len(shared) < 3:
             raise MotionKitError(
-                f"content {content.skeleton!r} and style {style.skeleton!r} differ"
-                + (f" (for example in {', '.join(map(repr, extra))})" if extra else " in the order of their joints")
-                + ": statistics transfer needs both on one skeleton"
+                f"content {content.skeleton!r} and style {style.skeleton!r} have too few bones in common by name "
+                f"({', '.join(shared) or 'none'}): take a style clip of the same character, or name the joints alike"
             )
-        return content.body(), style.resample(content.fps).body()
+        now, target = bone_directions(content, shared).flatten(1), bone_directions(style, shared).flatten(1)
+        mixed = torch.lerp(now, match_statistics(now, target), strength)
+        turned = turn_bones(content, shared, normalize(mixed.unflatten(1, (-1, 3))))
+        sink = _relative_height(style) / _relative_height(content)
+        layout = FacingFree(content.skeleton, content.fps)
+        x = warp_velocity(layout.encode(turned), factor)
+        path = layout.encode(content)
+        x[:, :3] = warp_velocity(path, factor)[:, :3]
+        x[:, 3] = path[:, 3] * (1 + strength * (sink - 1))
+        return layout.decode(x)
 
     def _on_the_ground(self, body: Motion, content: Motion, style: Motion) -> Motion:
-        """Put the lowest foot where the style has it, then hold feet still while the content's feet stand."""
+        """Put the lowest foot where the content has it, then hold feet still while the content's feet stand."""
         try:
             feet = list(body.skeleton.feet())
         except MotionKitError:
             return body  # a body without feet keeps its height
-        lift = style.positions()[:, feet, 1].quantile(0.02) - body.positions()[:, feet, 1].quantile(0.02)
+        lift = content.positions()[:, feet, 1].quantile(0.02) - body.positions()[:, feet, 1].quantile(0.02)
         translations = body.translations.clone()
         translations[:, 0, 1] += lift
         return lock_feet(body.replace(translations=translations), foot_contacts(content))
+
+
+def _relative_liveliness(motion: Motion) -> float:
+    """`velocity_factor` per metre of height, so that tall and short characters compare."""
+    return velocity_factor(motion) / max(motion.skeleton.height, 1e-6)
+
+
+def _relative_height(motion: Motion) -> float:
+    """The pelvis' mean height above the lowest joint of the clip, per metre of the character's height."""
+    places = motion.positions()
+    floor = places[..., 1].quantile(0.02) if places[..., 1].numel() < 1e7 else places[..., 1].min()
+    return max(float(places[:, motion.skeleton.pelvis, 1].mean() - floor), 1e-3) / max(motion.skeleton.height, 1e-6)

@@ -12,9 +12,16 @@ _HOMES = {
     "strip": "plots",
     "still": "plots",
     "still_png": "plots",
+    "still_jpeg": "plots",
     "plot_trajectory": "plots",
     "plot_curves": "plots",
     "style_axes": "plots",
+    "facing_view": "inspectors",
+    "feature_inspector": "inspectors",
+    "rotation_explorer": "explorers",
+    "fk_explorer": "explorers",
+    "plot_gimbal": "gimbal",
+    "plot_turned": "explorers",
 }
 __all__ = [*_HOMES, "colours"]
 

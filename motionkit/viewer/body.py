@@ -113,7 +113,7 @@ def _figure(motion: object, role: str | None, index: int) -> Figure:
         points, float(motion.fps), motion.name, names, parents, bones, drawn, height,
         joint_radii(points, parents, bones, height), head, 0.058 * height,
         tuple(colours.limb_colours(skeleton.sides, colour)), colours.role_colour(role, index),
-        lefts(points[:1], skeleton.sides)[0],
+        lefts(points[:1], skeleton.sides, parents)[0],
     )  # fmt: skip
 
 
@@ -162,9 +162,13 @@ def _head(names: Sequence[str], parents: Sequence[int]) -> int:
     return found[0] if found else -1
 
 
-def lefts(points: np.ndarray, sides: Sequence[str]) -> np.ndarray:
-    """[F, 3] unit vectors on the ground to the body's left, frame by frame. points: [F, J, 3]."""
-    is_left, is_right = (np.array([s == side for s in sides]) for side in ("left", "right"))
+def lefts(points: np.ndarray, sides: Sequence[str], parents: Sequence[int]) -> np.ndarray:
+    """[F, 3] unit vectors on the floor to the body's left, frame by frame; +X without sides. points: [F, J, 3].
+
+    Only joints where a limb meets the midline count: hands and feet swing back and forth.
+    """
+    met = [s != "middle" and (p < 0 or sides[p] == "middle") for s, p in zip(sides, parents)]
+    is_left, is_right = (np.array([m and s == side for s, m in zip(sides, met)]) for side in ("left", "right"))
     across = np.tile(np.float32([1, 0, 0]), (len(points), 1))
     if is_left.any() and is_right.any():
         found = points[:, is_left].mean(axis=1) - points[:, is_right].mean(axis=1)

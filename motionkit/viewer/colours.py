@@ -21,6 +21,9 @@ ROLES = {"content": "#2f9e77", "style": "#62b5e5", "result": "#edc53f"}
 # Further characters, in this order; neighbours differ in hue and in lightness.
 CYCLE = ("#62b5e5", "#edc53f", "#2f9e77", "#c77ba8", "#d3622b", "#5b5ea6", "#9c9c9c", "#7d5a44")
 
+# A darkened yellow turns olive; this is what the eye takes for its shade.
+_DEEP = {ROLES["result"]: "#c8901f"}
+
 CONTACT = "#c2417c"
 
 
@@ -68,5 +71,6 @@ def limb_colours(sides: Sequence[str], colour: str | None = None) -> list[str]:
     """
     if colour is None:
         return [SIDES[s] for s in sides]
-    shades = {"left": mix(colour, "#10202c", 0.34), "right": mix(colour, "#ffffff", 0.28), "middle": colour}
+    deep = _DEEP.get(colour, mix(colour, "#10202c", 0.34))
+    shades = {"left": deep, "right": mix(colour, "#ffffff", 0.28), "middle": colour}
     return [shades[s] for s in sides]

@@ -46,11 +46,24 @@ def prepare(
     for name in trails:
         if not any(name in f.names for f in made):
             raise MotionKitError(f"trails: no joint {name!r}; joints: {', '.join(made[0].names)}")
-    given = contacts if isinstance(contacts, list) else [contacts]
-    if contacts is None:
-        given = [None] * len(made)
+    given = contacts if isinstance(contacts, list) else [contacts if isinstance(contacts, bool) else None] * len(made)
+    if contacts is not None and not isinstance(contacts, (list, bool)):
+        given = [contacts]
     given = per_motion(given, len(made), "contacts")
-    return pack(made, labels=texts, trails=trails, contacts=[contact_marks(f, c) for f, c in zip(made, given)])
+    marks = [contact_marks(f, _feet(m, c)) for m, f, c in zip(found, made, given)]
+    return pack(made, labels=texts, trails=trails, contacts=marks)
+
+
+def _feet(motion: object, given: object) -> object:
+    """Contacts by name where they were asked for (True) or given as the tensor of `contacts.foot_contacts`."""
+    from ..contacts import feet_of, foot_contacts
+
+    if given is None or given is False:
+        return None
+    if given is True:
+        return feet_of(motion), foot_contacts(motion)
+    alone = hasattr(given, "shape") and len(given.shape) == 2 and given.shape[1] != len(motion.skeleton.names)
+    return (feet_of(motion), given) if alone else given
 
 
 class Player(anywidget.AnyWidget):
@@ -59,8 +72,9 @@ class Player(anywidget.AnyWidget):
     motions: a Motion or a list of them; different lengths, frame rates and skeletons play together by time.
     labels: a text over each; with several motions the role or name by default. roles: for each "content", "style",
     "result", a colour `#rrggbb` or None (limbs coloured by side). layout: "side" or "overlay" (each at its own place).
-    trails: joints that draw their path. contacts: for each motion (joint names, bool tensor [F, K]) or a dict from
-    joint name to bool [F]; a list where there are several motions. height: pixels. autoplay: start by itself when seen.
+    trails: joints that draw their path. contacts: True to find the feet's; else for each motion what
+    `contacts.foot_contacts` gives, or (joint names, bool tensor [F, K]), or a dict from joint name to bool [F]; in a
+    list where there are several motions. height: pixels. autoplay: start by itself when seen.
 
     `frame` (counted in the first motion's frames), `playing`, `speed` and `loop` are traits: set them and the picture
     follows; while it plays, `frame` is reported at most about eight times a second. `player.motions = ...` or
@@ -189,12 +203,12 @@ def _count(number: int, what: str) -> str:
 
 
 def _still_html(png: bytes, name: str, text: str) -> str:
-    # Without a kernel JupyterLab puts one line of complaint in the view's place; the picture is drawn up over it.
+    # JupyterLab without a kernel puts a line of complaint in the view's place. In a notebook that was run here, and is
+    # trusted, this rule takes it away; as long as a live view is there, that view's own rule hides this still instead.
+    rule = f".jp-OutputArea-child:not(:has(.mk-player)):has(+ .jp-OutputArea-child .{name}) {{ display: none; }}"
     source = base64.b64encode(png).decode()
-    return (
-        f'<div class="{name}" style="position: relative; margin-top: -2.2em; background-color: white">'
-        f'<img alt="{html.escape(text)}" src="data:image/png;base64,{source}" style="max-width: 100%"></div>'
-    )
+    image = f'<img alt="{html.escape(text)}" src="data:image/png;base64,{source}" style="max-width: 100%">'
+    return f'<style>{rule}</style><div class="{name}">{image}</div>'
 
 
 def save_html(motions: object, path: str | os.PathLike, *, speed: float = 1.0, loop: bool = True, **shown: object) -> Path:

@@ -1,0 +1,97 @@
+"""The inspectors: built without a kernel, and a slider changes what is drawn."""
+
+import json
+
+import pytest
+
+import lab
+import motionkit as mk
+from motionkit.features import FacingFree, Graph, HumanML3D, SixD, StyleERD
+from motionkit.viewer import feature_inspector, facing_view
+
+PAGE = """<body><div id="here"></div><script type="module">
+%s
+const values = %s, heard = [];
+for (const name of ["_points", "_values"]) if (values[name]) values[name] = new DataView(Uint8Array.from(values[name]).buffer);
+const model = { get: (n) => values[n], set: (n, v) => { values[n] = v; }, on: (n, f) => heard.push(f), off: () => {}, save_changes: () => { window.saved = { ...values }; } };
+render({ model, el: document.getElementById("here") });
+window.put = (name, value) => { values[name] = value; heard.forEach((f) => f()); };
+</script></body>"""
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return mk.load("data/walk_turning.bvh")
+
+
+def test_a_frame_changes_the_facing_picture(walk):
+    view = facing_view(walk, frame=10)
+    before = view.still()
+    view.frame = 60
+    assert before[:4] == b"\x89PNG" and view.still() != before and len(before) < 40_000
+    view.frame = 5000
+    assert view.frame == len(walk) - 1
+
+
+@pytest.mark.parametrize("make", [FacingFree, Graph, HumanML3D, SixD, StyleERD])
+def test_a_number_lights_its_joint(walk, make):
+    layout = make()
+    view = feature_inspector(walk, layout, frame=10)
+    for number in range(0, layout.size, 7):
+        view.number = number
+        joint = layout.joint_of(number)
+        assert view.joint == (None if joint is None else walk.skeleton.names[joint])
+        assert view.description == layout.describe(number)
+    look = json.loads(view._look)
+    assert len(look["axis_of"]) == len(look["describe"]) == layout.size
+    for number, axis in enumerate(look["axis_of"]):
+        if axis is not None:
+            assert f" {'xyz'[axis]} " in view._shape["describe"][number] or number < 4
+
+
+def test_the_inspector_picture_follows_number_and_frame(walk):
+    view = feature_inspector(walk, number=14, frame=10)
+    pictures = [view.still()]
+    view.number = 200
+    pictures.append(view.still())
+    view.frame = 40
+    pictures.append(view.still())
+    assert len(set(pictures)) == 3 and max(map(len, pictures)) < 40_000
+    view.number = 9999
+    assert view.number == 262
+
+
+def test_a_saved_page_gets_a_picture_with_the_same_name_each_time(walk):
+    view, again = facing_view(walk), facing_view(walk)
+    assert view._still == again._still != feature_inspector(walk)._still
+    with pytest.raises(mk.MotionKitError, match="one motion; found 2"):
+        facing_view([walk, walk])
+    with pytest.raises(mk.MotionKitError, match="expected a Motion"):
+        feature_inspector("walk.bvh")
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(bool(lab.missing()), reason=lab.missing())
+def test_sliders_and_hovering_redraw_in_a_browser(walk, tmp_path):
+    with lab.browser() as browser:
+        page = browser.new_page(viewport={"width": 1000, "height": 560})
+        faults = []
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        for view in (facing_view(walk, frame=10), feature_inspector(walk, number=14, frame=10)):
+            values = {n: getattr(view, n) for n in view.trait_names(sync=True) if n.startswith(("_points", "_values", "_look", "_kind", "_still")) or n in ("frame", "number")}
+            values = {n: list(v) if isinstance(v, bytes) else v for n, v in values.items()}
+            page.set_content(PAGE % (view._esm.replace("export default", "void"), json.dumps(values)))
+            page.wait_for_selector(".mk-said b")
+            before = page.screenshot(path=str(tmp_path / f"{view._kind}.png"))
+            page.locator(".mk-frame").fill("40")
+            after = page.screenshot()
+            assert before != after and "40" in page.locator(".mk-said").inner_text()
+        keys = page.locator(".mk-side canvas").first
+        keys.hover(position={"x": 128 + 9 * (440 / 23) + 5, "y": 22 + 4 * 14 + 8 + 20})
+        said = page.locator(".mk-said")
+        assert "positions" in said.inner_text() and said.get_attribute("data-joint") in walk.skeleton.names
+        lit = page.screenshot()
+        page.locator(".mk-number").fill("261")
+        assert "contacts stands of right_ankle" in said.inner_text() and page.screenshot() != lit
+        page.wait_for_function("window.saved && window.saved.number === 261")
+        assert faults == []
