@@ -116,16 +116,17 @@ def two_bone_ik(motion: Motion, joints: tuple[int, int, int], target: Tensor) ->
     changed = world.clone()
     changed[:, hip] = rot.quaternion_multiply(turn_hip, world[:, hip])
     changed[:, knee] = rot.quaternion_multiply(turn_knee, world[:, knee])
-    local = motion.rotations.clone()
-    for joint in joints:
+    return motion.replace(rotations=_relative(motion, joints, changed))
+
+
+def _relative(motion: Motion, limb: tuple[int, int, int], world: Tensor) -> Tensor:
+    """Local rotations [F, J, 4] with those of a limb, and of what branches off it, taken from `world` [F, J, 4]."""
+    skeleton, local = motion.skeleton, motion.rotations.clone()
+    for joint in {*limb, *skeleton.children[limb[0]], *skeleton.children[limb[1]]}:
         parent = skeleton.parents[joint]
-        above = changed[:, parent] if parent >= 0 else rot.identity_quaternion(len(motion), dtype=local.dtype)
-        local[:, joint] = rot.quaternion_multiply(rot.quaternion_inverse(above), changed[:, joint])
-    for child in skeleton.children[hip] + skeleton.children[knee]:
-        if child not in joints:  # branches beside the limb keep their rotation in the world
-            parent = skeleton.parents[child]
-            local[:, child] = rot.quaternion_multiply(rot.quaternion_inverse(changed[:, parent]), world[:, child])
-    return motion.replace(rotations=local)
+        above = world[:, parent] if parent >= 0 else rot.identity_quaternion(len(motion), dtype=local.dtype)
+        local[:, joint] = rot.quaternion_multiply(rot.quaternion_inverse(above), world[:, joint])
+    return local
 
 
 def _bend_axis(motion: Motion, a: Tensor, b: Tensor, c: Tensor) -> Tensor:

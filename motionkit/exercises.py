@@ -16,6 +16,7 @@ from torch import Tensor
 from . import rotations as rot
 from .contacts import foot_sliding
 from .errors import MotionKitError
+from .features import HumanML3D
 from .methods.statistics import match_statistics
 from .motion import Motion
 from .skeleton import smpl
@@ -44,6 +45,16 @@ def _walkers() -> list[tuple]:
     ]
 
 
+def _still_column() -> Tensor:
+    """Features of which one hardly changes and one never does."""
+    return _random(30, 5) * torch.tensor([1.0, 1.0, 1.0, 0.01, 0.0])
+
+
+def _published_path(features: Tensor) -> Tensor:
+    """Where the root stands on the ground, [F, 2], from HumanML3D features [F, 3 or more]."""
+    return HumanML3D().path(features)[1]
+
+
 _EXERCISES = {
     "swing_angle": Exercise(
         rot.quaternion_angle,
@@ -65,8 +76,15 @@ _EXERCISES = {
     ),
     "match_statistics": Exercise(
         match_statistics,
-        lambda: [(_random(30, 5), 2 * _random(40, 5, seed=1) + 3)],
-        "take mean and spread over frames (dimension 0), with the population's spread (correction=0)",
+        lambda: [(_random(30, 5), 2 * _random(40, 5, seed=1) + 3), (_still_column(), _random(40, 5, seed=1))],
+        "take mean and spread over frames (dimension 0), with the population's spread (correction=0); let no spread "
+        "grow to more than three times what it was",
+    ),
+    "published_path": Exercise(
+        _published_path,
+        lambda: [(torch.tensor([[0.0, 0, 1], [0, 0, 1], [0, 0, 1]]),), (0.1 * _random(30, 4),)],
+        "the first number is half the turn, and to the right; the step of frame t is seen from where the body faces in "
+        "frame t + 1; the path starts at 0, 0",
     ),
     "foot_sliding": Exercise(
         foot_sliding,

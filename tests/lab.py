@@ -21,7 +21,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -64,10 +64,7 @@ def write_notebook(path: Path, *cells: str) -> Path:
 
 
 class Lab:
-    """A JupyterLab server of its own for a folder, with settings that no other server sees.
-
-    kernels: whether notebooks may start one; without, pages show what a saved notebook shows.
-    """
+    """A JupyterLab server of its own for a folder, with settings that no other server sees. dark: its theme."""
 
     def __init__(self, folder: Path, *, dark: bool = False) -> None:
         self.folder, self.dark = Path(folder), dark
@@ -98,7 +95,15 @@ class Lab:
         environment = {**os.environ, **{k: str(v) for k, v in places.items()}, "PYTHONPATH": path}
         self.log = (private / "server.log").open("w")
         command = [
-            *(sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", "--ip=127.0.0.1", f"--port={self.port}"),
+            *(
+                sys.executable,
+                "-m",
+                "jupyterlab",
+                "--no-browser",
+                "--allow-root",
+                "--ip=127.0.0.1",
+                f"--port={self.port}",
+            ),
             *(f"--IdentityProvider.token={self.token}", f"--ServerApp.root_dir={self.folder}"),
         ]
         self.server = subprocess.Popen(command, stdout=self.log, stderr=self.log, env=environment)
@@ -124,15 +129,16 @@ class Lab:
         self.log.close()
 
     @contextmanager
-    def open(self, notebook: str, *, width: int = 1200, height: int = 1000) -> Iterator[Page]:
-        """The notebook's page, its kernel not started by anything but the notebook's own settings."""
-        with browser() as chromium:
-            raw = chromium.new_page(viewport={"width": width, "height": height})
+    def open(self, notebook: str, chromium: object = None, *, width: int = 1200, height: int = 1000) -> Iterator[Page]:
+        """The notebook's page, nothing run. chromium: a `browser()` that is open already, as there can be only one."""
+        with nullcontext(chromium) if chromium else browser() as found:
+            raw = found.new_page(viewport={"width": width, "height": height})
             page = Page(raw)
             raw.goto(f"http://127.0.0.1:{self.port}/lab/tree/{notebook}?token={self.token}&reset")
             raw.wait_for_selector(".jp-Notebook .jp-Cell", timeout=90000)
             raw.wait_for_timeout(2500)
             yield page
+            raw.close()
 
 
 class Page:
@@ -197,5 +203,8 @@ class Page:
         import numpy as np
         from PIL import Image
 
-        with Image.open(io.BytesIO(self.raw.locator(selector).first.screenshot())) as image:
+        # Not the element's own screenshot: that waits for it to stand still.
+        spot = self.raw.locator(selector).first
+        spot.scroll_into_view_if_needed()
+        with Image.open(io.BytesIO(self.raw.screenshot(clip=spot.bounding_box()))) as image:
             return np.asarray(image.convert("RGB")).astype(int)

@@ -2,20 +2,21 @@
 
 import json
 
+import lab
 import pytest
 
-import lab
 import motionkit as mk
 from motionkit.features import FacingFree, Graph, HumanML3D, SixD, StyleERD
-from motionkit.viewer import feature_inspector, facing_view
+from motionkit.viewer import facing_view, feature_inspector
 
-PAGE = """<body><div id="here"></div><script type="module">
+TRAITS = ("_points", "_values", "_look", "_kind", "_still", "frame", "number")
+PAGE = """<style>%s</style><body><div id="here"></div><script type="module">
 %s
 const values = %s, heard = [];
-for (const name of ["_points", "_values"]) if (values[name]) values[name] = new DataView(Uint8Array.from(values[name]).buffer);
-const model = { get: (n) => values[n], set: (n, v) => { values[n] = v; }, on: (n, f) => heard.push(f), off: () => {}, save_changes: () => { window.saved = { ...values }; } };
+for (const n of ["_points", "_values"]) if (values[n]) values[n] = new DataView(Uint8Array.from(values[n]).buffer);
+const model = { get: (n) => values[n], set: (n, v) => { values[n] = v; }, on: (n, f) => heard.push(f), off: () => {},
+  save_changes: () => { window.saved = { ...values }; } };
 render({ model, el: document.getElementById("here") });
-window.put = (name, value) => { values[name] = value; heard.forEach((f) => f()); };
 </script></body>"""
 
 
@@ -78,16 +79,16 @@ def test_sliders_and_hovering_redraw_in_a_browser(walk, tmp_path):
         faults = []
         page.on("pageerror", lambda error: faults.append(str(error)))
         for view in (facing_view(walk, frame=10), feature_inspector(walk, number=14, frame=10)):
-            values = {n: getattr(view, n) for n in view.trait_names(sync=True) if n.startswith(("_points", "_values", "_look", "_kind", "_still")) or n in ("frame", "number")}
+            values = {n: getattr(view, n, None) for n in TRAITS}
             values = {n: list(v) if isinstance(v, bytes) else v for n, v in values.items()}
-            page.set_content(PAGE % (view._esm.replace("export default", "void"), json.dumps(values)))
+            page.set_content(PAGE % (view._css, view._esm.replace("export default", "void"), json.dumps(values)))
             page.wait_for_selector(".mk-said b")
             before = page.screenshot(path=str(tmp_path / f"{view._kind}.png"))
             page.locator(".mk-frame").fill("40")
             after = page.screenshot()
             assert before != after and "40" in page.locator(".mk-said").inner_text()
         keys = page.locator(".mk-side canvas").first
-        keys.hover(position={"x": 128 + 9 * (440 / 23) + 5, "y": 22 + 4 * 14 + 8 + 20})
+        keys.hover(position={"x": 150 + 9 * (440 / 23) + 5, "y": 22 + 4 * 14 + 8 + 20})
         said = page.locator(".mk-said")
         assert "positions" in said.inner_text() and said.get_attribute("data-joint") in walk.skeleton.names
         lit = page.screenshot()

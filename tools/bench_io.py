@@ -100,7 +100,7 @@ def kinematics() -> dict:
     note = f"pymotion's torch version {FRAMES / theirs:,.0f} in the same run; {FRAMES} frames x {joints} joints"
     return {
         "fk_frames_per_s": figure(FRAMES / ours, 1_000_000, "frames/s", note + ", float32, 2 threads"),
-        "fk_times_pymotion": figure(theirs / ours, 2.46, "times", note)  # 1,000,000 / 406,000,
+        "fk_times_pymotion": figure(theirs / ours, 2.46, "times", note),  # 1,000,000 / 406,000,
     }
 
 

@@ -1,4 +1,4 @@
-"""Makes the pictures of the README and of the notebooks' first cells, in docs/pictures/.
+"""Makes the pictures of the README and of the notebooks' first cells, in notebooks/pictures/.
 
 python tools/make_pictures.py
 """
@@ -11,7 +11,7 @@ import motionkit as mk
 from motionkit.viewer import colours
 
 ROOT = Path(__file__).resolve().parent.parent
-PICTURES = ROOT / "docs" / "pictures"
+PICTURES = ROOT / "notebooks" / "pictures"
 
 
 def clip(name: str) -> mk.Motion:

@@ -18,8 +18,9 @@ class Figure:
     """One character, ready to be drawn.
 
     points: [F, J, 3] float32, metres, where it stands in the picture. bones: pairs (parent, child). drawn: the joints
-    that are seen, all but a root left on the ground. size: of the body, metres. radii: [J] metres. head: the joint that carries the head ball, or -1; head_radius: metres. colours: J `#rrggbb`. role: the colour of
-    its label. left: [3] unit, the way its left hand points in the first frame, on the ground.
+    that are seen, all but a root left on the ground. size: of the body, metres. radii: [J] metres. head: the joint
+    that carries the head ball, or -1; head_radius: metres. colours: J `#rrggbb`. role: the colour of its label.
+    left: [3] unit, the way its left hand points in the first frame, on the ground.
     """
 
     points: np.ndarray
@@ -86,8 +87,8 @@ def per_motion(values: Sequence | None, count: int, what: str) -> list:
 def figures(motions: object, *, roles: Sequence | None = None, layout: str = "side") -> list[Figure]:
     """Motions as figures: limbs by side, or shades of one colour where roles are given; placed by `layout`.
 
-    layout: "side" stands them beside each other, from the left to the right hand of the first one; "overlay" leaves each
-    where it is. The floor (y = 0) is left as it is.
+    layout: "side" stands them beside each other, from the right hand of the first one to its left; "overlay" leaves
+    each where it is. The floor (y = 0) is left as it is.
     """
     found = as_list(motions)
     if layout not in LAYOUTS:
@@ -110,11 +111,21 @@ def _figure(motion: object, role: str | None, index: int) -> Figure:
     head = _head(names, parents)
     colour = None if role is None else colours.role_colour(role)
     return Figure(
-        points, float(motion.fps), motion.name, names, parents, bones, drawn, height,
-        joint_radii(points, parents, bones, height), head, 0.058 * height,
-        tuple(colours.limb_colours(skeleton.sides, colour)), colours.role_colour(role, index),
+        points,
+        float(motion.fps),
+        motion.name,
+        names,
+        parents,
+        bones,
+        drawn,
+        height,
+        joint_radii(points, parents, bones, height),
+        head,
+        0.058 * height,
+        tuple(colours.limb_colours(skeleton.sides, colour)),
+        colours.role_colour(role, index),
         lefts(points[:1], skeleton.sides, parents)[0],
-    )  # fmt: skip
+    )
 
 
 def size(points: np.ndarray) -> float:
@@ -141,7 +152,9 @@ def drawn_bones(points: np.ndarray, parents: Sequence[int]) -> tuple[tuple[int, 
     return tuple(pairs)
 
 
-def joint_radii(points: np.ndarray, parents: Sequence[int], bones: Sequence[tuple[int, int]], height: float) -> np.ndarray:
+def joint_radii(
+    points: np.ndarray, parents: Sequence[int], bones: Sequence[tuple[int, int]], height: float
+) -> np.ndarray:
     """How thick the body is at each joint, [J] metres: thicker the more hangs on it, never more than half its bones."""
     count = len(parents)
     below = np.zeros(count)

@@ -47,7 +47,7 @@ def rgb(colour: str) -> tuple[float, float, float]:
 
 
 def role_colour(role: str | None, index: int = 0) -> str:
-    """The colour of a role (`content`, `style`, `result`), of a `#rrggbb` as it is, or of the index-th further character.
+    """The colour of a role (`content`, `style`, `result`), a `#rrggbb` as it is, or the index-th further character's.
 
     >>> role_colour("content"), role_colour("#102030"), role_colour(None, 1) == CYCLE[1]
     ('#2f9e77', '#102030', True)

@@ -17,7 +17,9 @@ def view_axes(left: np.ndarray, turn: float = TURN, rise: float = RISE) -> np.nd
     back = np.cos(turn) * front + np.sin(turn) * left
     right = np.cos(turn) * left - np.sin(turn) * front
     up = np.array([0.0, 1.0, 0.0])
-    return np.stack([right, np.cos(rise) * up - np.sin(rise) * back, np.cos(rise) * back + np.sin(rise) * up]).astype(np.float32)
+    return np.stack([right, np.cos(rise) * up - np.sin(rise) * back, np.cos(rise) * back + np.sin(rise) * up]).astype(
+        np.float32
+    )
 
 
 def cone_outline(a: np.ndarray, b: np.ndarray, ra: float, rb: float) -> np.ndarray:
@@ -39,7 +41,9 @@ def cone_outline(a: np.ndarray, b: np.ndarray, ra: float, rb: float) -> np.ndarr
     return np.concatenate([c + r * np.stack([np.cos(t), np.sin(t)], -1) for c, r, t in ends])
 
 
-def draw_figure(ax: object, figure: Figure, pose: np.ndarray, axes: np.ndarray, shift: float = 0.0, zorder: float = 2) -> None:
+def draw_figure(
+    ax: object, figure: Figure, pose: np.ndarray, axes: np.ndarray, shift: float = 0.0, zorder: float = 2
+) -> None:
     """Draws one pose [J, 3] into matplotlib axes, moved `shift` to the right; far limbs first, and paler."""
     from matplotlib.collections import PolyCollection
 
@@ -62,7 +66,10 @@ def draw_figure(ax: object, figure: Figure, pose: np.ndarray, axes: np.ndarray, 
         fill = colours.mix(colour, "#ffffff", 0.42 * float(away))
         # A shape with a lighter sliver towards the light at the upper left reads as round.
         offset = np.array([-0.22, 0.22])
-        shapes += [cone_outline(a[:2], b[:2], ra, rb), cone_outline(a[:2] + offset * ra, b[:2] + offset * rb, 0.6 * ra, 0.6 * rb)]
+        shapes += [
+            cone_outline(a[:2], b[:2], ra, rb),
+            cone_outline(a[:2] + offset * ra, b[:2] + offset * rb, 0.6 * ra, 0.6 * rb),
+        ]
         fills += [fill, colours.mix(fill, "#ffffff", 0.16)]
         edges += [colours.mix(fill, "#20262e", 0.34), "none"]
     ax.add_collection(PolyCollection(shapes, facecolors=fills, edgecolors=edges, linewidths=0.45, zorder=zorder))
@@ -90,7 +97,9 @@ def draw_floor(ax: object, axes: np.ndarray, middle: np.ndarray, reach: float, t
     for i in range(-count, count + 1):
         for k in range(-count, count + 1):
             x, z = (x0 + i) * tile, (z0 + k) * tile
-            corners = np.array([[x, 0, z], [x + tile, 0, z], [x + tile, 0, z + tile], [x, 0, z + tile]], dtype=np.float32)
+            corners = np.array(
+                [[x, 0, z], [x + tile, 0, z], [x + tile, 0, z + tile], [x, 0, z + tile]], dtype=np.float32
+            )
             far = np.hypot(x + tile / 2 - middle[0], z + tile / 2 - middle[2]) / reach
             if far < 1:
                 tone = "#dfe4eb" if (x0 + i + z0 + k) % 2 else "#eef1f5"

@@ -26,14 +26,14 @@ def draw_facing(picture: object, motion: object, points: np.ndarray, look: dict,
         _body(ax, look, to(points[frame][:, [0, 2]]), points[frame][:, 1])
         start, tip = to(pelvis[frame][None])[0], to((pelvis[frame] + 0.62 * np.float32([s, c]))[None])[0]
         ax.annotate("", tip, start, arrowprops={"arrowstyle": "-|>", "color": look["deep"], "lw": 2.6}, zorder=9)
-        ax.set(xlim=(box[0] + box[2] / 2, box[0] - box[2] / 2), ylim=(box[1] - box[2] / 2, box[1] + box[2] / 2), aspect="equal")
+        x, z, half = box[0], box[1], box[2] / 2
+        ax.set(xlim=(x + half, x - half), ylim=(z - half, z + half), aspect="equal")
         ax.set_title(title, loc="left", fontsize=10.5, color=INK, fontweight="bold")
         ax.set_axis_off()
     go = [row[frame] for row in look["root"]]
-    picture.supxlabel(
-        f"frame {frame}:  faces {np.degrees(yaw):.1f}°,  turns {np.degrees(go[0]):.1f}° a frame,  goes {1000 * go[1]:.0f} mm left "
-        f"and {1000 * go[2]:.0f} mm ahead a frame,  pelvis at {go[3]:.2f} m", fontsize=9.5, color=SOFT,
-    )  # fmt: skip
+    says = f"frame {frame}:  faces {np.degrees(yaw):.1f}°,  turns {np.degrees(go[0]):.1f}° a frame,  "
+    says += f"goes {1000 * go[1]:.0f} mm left and {1000 * go[2]:.0f} mm ahead a frame,  pelvis at {go[3]:.2f} m"
+    picture.supxlabel(says, fontsize=9.5, color=SOFT)
 
 
 def _floor_from_above(ax: object, to: object, around: tuple[float, float, float]) -> None:
@@ -87,10 +87,12 @@ def _skeleton(ax: object, pose: np.ndarray, look: dict, number: int) -> None:
         along = view[:, axis][:2]
         tip, back = lit[:2] + 0.36 * along, lit[:2] - 0.12 * along
         ax.annotate("", tip, back, arrowprops={"arrowstyle": "-|>", "color": look["mark"], "lw": 2}, zorder=9)
-        ax.text(*(lit[:2] + 0.46 * along), "xyz"[axis], color=look["mark"], fontweight="bold", ha="center", va="center", zorder=9)
+        at = {"ha": "center", "va": "center", "zorder": 9}
+        ax.text(*(lit[:2] + 0.46 * along), "xyz"[axis], color=look["mark"], fontweight="bold", **at)
     ax.plot(*lit[:2], "o", ms=11, mfc="#ffffffbb", mec=look["mark"], mew=2.4, zorder=8)
     ax.set(xlim=(-0.75, 0.75), ylim=(look["floor"] - 0.1, look["floor"] + look["tall"] + 0.25), aspect="equal")
-    ax.set_title("the whole body" if joint is None else look["names"][joint], y=-0.06, fontsize=10.5, color=look["mark"], fontweight="bold")
+    name = "the whole body" if joint is None else look["names"][joint]
+    ax.set_title(name, y=-0.06, fontsize=10.5, color=look["mark"], fontweight="bold")
     ax.set_axis_off()
 
 
@@ -112,7 +114,8 @@ def _keys(ax: object, look: dict, now: np.ndarray, number: int) -> None:
         fills.append(blend(0.5 + np.clip(z / spread / 4, -0.5, 0.5)) if spread else "#e2e2e2")
     square = np.array([[0.05, 0.06], [0.95, 0.06], [0.95, 0.94], [0.05, 0.94]])
     ax.add_collection(PolyCollection(boxes[:, None] + square, facecolors=fills))
-    ax.add_collection(PolyCollection([boxes[number] + square], facecolors="none", edgecolors=look["mark"], linewidths=2, zorder=4))
+    chosen = {"facecolors": "none", "edgecolors": look["mark"], "linewidths": 2, "zorder": 4}
+    ax.add_collection(PolyCollection([boxes[number] + square], **chosen))
     ax.scatter(np.arange(look["joints"]) + 1.5, [-0.7] * look["joints"], c=look["colours"], s=10)
     for y, text in ticks:
         ax.text(-0.2, y, text, ha="right", va="center", fontsize=6, color=SOFT)

@@ -147,7 +147,9 @@ def facing_view(motion: object, frame: int | None = None) -> FacingView:
     return FacingView(motion, points, look, _kind="facing", frame=len(motion) // 3 if frame is None else frame)
 
 
-def feature_inspector(motion: object, layout: object = None, number: int = 0, frame: int | None = None) -> FeatureInspector:
+def feature_inspector(
+    motion: object, layout: object = None, number: int = 0, frame: int | None = None
+) -> FeatureInspector:
     """The feature vector of a motion as keys, one a number: hover over one and its joint lights up.
 
     Columns are joints, rows what is told of them; a key is orange above and blue below its mean over the clip, grey if
@@ -193,27 +195,42 @@ def _look_of(motion: object) -> dict:
     """How to draw the body, as plain lists."""
     figure = figures(motion)[0]
     return {
-        "frames": len(motion), "fps": motion.fps, "joints": len(figure.names), "names": list(figure.names),
-        "bones": [list(b) for b in figure.bones], "radii": [round(float(r), 4) for r in figure.radii], "head": figure.head,
-        "head_radius": round(figure.head_radius, 4), "colours": list(figure.colours),
-        "edges": [colours.mix(c, "#20262e", 0.34) for c in figure.colours], "pelvis": motion.skeleton.pelvis,
-    }  # fmt: skip
+        "frames": len(motion),
+        "fps": motion.fps,
+        "joints": len(figure.names),
+        "names": list(figure.names),
+        "bones": [list(b) for b in figure.bones],
+        "radii": [round(float(r), 4) for r in figure.radii],
+        "head": figure.head,
+        "head_radius": round(figure.head_radius, 4),
+        "colours": list(figure.colours),
+        "edges": [colours.mix(c, "#20262e", 0.34) for c in figure.colours],
+        "pelvis": motion.skeleton.pelvis,
+    }
 
 
 def _meaning(layout: object) -> dict:
     """What each number of a layout says, and of which joint."""
-    rows, every = layout.rows(), range(layout.size)
     parts = [
-        {"name": r.name, "start": r.start, "stop": r.stop, "components": list(layout.components[r.name])} for r in rows
+        {"name": r.name, "start": r.start, "stop": r.stop, "components": list(layout.components[r.name])}
+        for r in layout.rows()
     ]
-    axis = []
-    for part in parts:
-        for n in range(part["start"], part["stop"]):
-            words = part["components"][(n - part["start"]) % len(part["components"])].split()
-            straight = words[-1] in ("x", "y", "z") or words[-1] == "velocity" and words[0] in ("x", "z") or words == ["height"]
-            turns = "column" in words or "quaternion" in words or layout.describe(n).startswith("rotations")
-            axis.append("xyz".index("y" if words == ["height"] else words[-1 if words[-1] in "xyz" else 0]) if straight and not turns else None)
+    describe = [layout.describe(n) for n in range(layout.size)]
     return {
-        "size": layout.size, "parts": parts, "axis_of": axis, "describe": [layout.describe(n) for n in every],
-        "joints_of": [layout.joint_of(n) for n in every],
-    }  # fmt: skip
+        "size": layout.size,
+        "parts": parts,
+        "describe": describe,
+        "axis_of": [_axis(text) for text in describe],
+        "joints_of": [layout.joint_of(n) for n in range(layout.size)],
+    }
+
+
+def _axis(text: str) -> int | None:
+    """The direction that a number measures along, 0 to 2 for x, y, z, from its description; None for turns and flags.
+
+    >>> _axis("positions y of left_knee (m)"), _axis("root half yaw velocity (rad/frame)")
+    (1, None)
+    """
+    if not text.endswith(("(m)", "(m/frame)")):
+        return None
+    return next((n for n, words in enumerate((" x ", " y ", " z ")) if words in text), 1)  # the height is along y

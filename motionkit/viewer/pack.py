@@ -48,15 +48,28 @@ def _describe(figure: Figure, label: str | None, trails: Sequence[str], marks: S
     scale = max(float(np.abs(around).max()), 1e-6) / STEPS
     known = [figure.names.index(n) for n in trails if n in figure.names]
     return {
-        "label": label or "", "name": figure.name, "fps": figure.fps, "frames": len(figure.points),
-        "joints": len(figure.parents), "bones": figure.bones, "scale": scale, "height": round(figure.size, 4), "drawn": figure.drawn,
-        "radii": [round(float(r), 4) for r in figure.radii], "colours": figure.colours, "role": figure.role,
-        "head": figure.head, "headParent": figure.parents[figure.head] if figure.head >= 0 else -1,
-        "headRadius": round(figure.head_radius, 4), "left": [round(float(x), 4) for x in figure.left],
-        "trails": known, "marks": [j for j, _ in marks],
-        "root": _add(blocks, root.astype("<f4")), "around": _add(blocks, np.rint(around / scale).astype("<i2")),
+        "label": label or "",
+        "name": figure.name,
+        "fps": figure.fps,
+        "frames": len(figure.points),
+        "joints": len(figure.parents),
+        "bones": figure.bones,
+        "scale": scale,
+        "height": round(figure.size, 4),
+        "drawn": figure.drawn,
+        "radii": [round(float(r), 4) for r in figure.radii],
+        "colours": figure.colours,
+        "role": figure.role,
+        "head": figure.head,
+        "headParent": figure.parents[figure.head] if figure.head >= 0 else -1,
+        "headRadius": round(figure.head_radius, 4),
+        "left": [round(float(x), 4) for x in figure.left],
+        "trails": known,
+        "marks": [j for j, _ in marks],
+        "root": _add(blocks, root.astype("<f4")),
+        "around": _add(blocks, np.rint(around / scale).astype("<i2")),
         "touch": _add(blocks, np.stack([t for _, t in marks], 1).astype("u1")) if marks else -1,
-    }  # fmt: skip
+    }
 
 
 def _add(blocks: list[bytes], array: np.ndarray) -> int:

@@ -116,12 +116,22 @@ class Player(anywidget.AnyWidget):
         speed: float = 1.0,
         autoplay: bool = True,
     ) -> None:
-        self._shown = {"labels": labels, "roles": roles, "layout": layout, "trails": trails, "contacts": contacts}
+        self._shown = {
+            "labels": labels,
+            "roles": roles,
+            "layout": layout,
+            "trails": trails,
+            "contacts": contacts,
+        }
         self._motions = as_list(motions)
         super().__init__(
-            _data=prepare(self._motions, **self._shown), _still=f"mk-still-{uuid.uuid4().hex[:12]}",
-            height=height, loop=loop, speed=speed, playing=autoplay,
-        )  # fmt: skip
+            _data=prepare(self._motions, **self._shown),
+            _still=f"mk-still-{uuid.uuid4().hex[:12]}",
+            height=height,
+            loop=loop,
+            speed=speed,
+            playing=autoplay,
+        )
 
     @traitlets.validate("speed")
     def _check_speed(self, proposal: dict) -> float:
@@ -168,7 +178,7 @@ class Player(anywidget.AnyWidget):
         self.frame = min(self.frame, self.frame_count - 1)
 
     def still(self, frame: int | None = None) -> bytes:
-        """A still picture of the player, PNG bytes; by default of the frame shown or, at the start, of one further on."""
+        """A still picture of the player, as PNG: of the frame shown, or of a later one where that is the first."""
         from .plots import still_png
 
         shown = self.frame if frame is None else frame
@@ -183,7 +193,9 @@ class Player(anywidget.AnyWidget):
         return _write_page(self._data, path, ", ".join(m.name for m in self._motions), values)
 
     def __repr__(self) -> str:
-        sizes = [f"{m.name}: {_count(len(m), 'frame')}, {_count(len(m.skeleton.names), 'joint')}" for m in self._motions]
+        sizes = [
+            f"{m.name}: {_count(len(m), 'frame')}, {_count(len(m.skeleton.names), 'joint')}" for m in self._motions
+        ]
         return f"Player({'; '.join(sizes)})"
 
     def _repr_mimebundle_(self, **_: object) -> dict:
@@ -191,11 +203,17 @@ class Player(anywidget.AnyWidget):
         return {"application/vnd.jupyter.widget-view+json": view, "text/plain": repr(self)}
 
     def _ipython_display_(self, **_: object) -> None:
-        """Shows the live view, and after it a still that the live view hides: it is what a page without a kernel shows."""
+        """Shows the live view and a still that it hides: the still is what a page without a kernel shows."""
         from IPython.display import display
 
         display(self._repr_mimebundle_(), raw=True)
-        display({"text/html": _still_html(self.still(), self._still, repr(self)), "text/plain": "(still picture)"}, raw=True)
+        display(
+            {
+                "text/html": _still_html(self.still(), self._still, repr(self)),
+                "text/plain": "(still picture)",
+            },
+            raw=True,
+        )
 
 
 def _count(number: int, what: str) -> str:
@@ -211,7 +229,9 @@ def _still_html(png: bytes, name: str, text: str) -> str:
     return f'<style>{rule}</style><div class="{name}">{image}</div>'
 
 
-def save_html(motions: object, path: str | os.PathLike, *, speed: float = 1.0, loop: bool = True, **shown: object) -> Path:
+def save_html(
+    motions: object, path: str | os.PathLike, *, speed: float = 1.0, loop: bool = True, **shown: object
+) -> Path:
     """Writes a page that plays motions in any browser, from file:// and without a network; returns its path.
 
     shown: labels, roles, layout, trails and contacts as for `Player`. The page is written beside its place and then put
@@ -226,9 +246,12 @@ def _write_page(data: bytes, path: str | os.PathLike, title: str, values: dict) 
     path = Path(path)
     page = (_JS / "page.html").read_text(encoding="utf-8")
     filled = {
-        "title": html.escape(title), "css": (_JS / "player.css").read_text(encoding="utf-8"), "script": script("page.js"),
-        "values": json.dumps({"frame": 0, "playing": True, **values}), "data": inline(data),
-    }  # fmt: skip
+        "title": html.escape(title),
+        "css": (_JS / "player.css").read_text(encoding="utf-8"),
+        "script": script("page.js"),
+        "values": json.dumps({"frame": 0, "playing": True, **values}),
+        "data": inline(data),
+    }
     for name, text in filled.items():
         page = page.replace(f"<!--{name}-->", text, 1)
     if not path.parent.is_dir():

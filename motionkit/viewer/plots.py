@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 from collections.abc import Mapping, Sequence
 
@@ -24,6 +25,13 @@ class Print(Picture):
         self.savefig(raw, format="png", facecolor="white")
         return _few_colours(raw)
 
+    def _ipython_display_(self) -> None:
+        """Goes before the way in which pyplot, once imported, shows figures: its pictures are ten times as large."""
+        from IPython.display import display
+
+        picture = base64.b64encode(self._repr_png_()).decode()
+        display({"image/png": picture, "text/plain": repr(self)}, raw=True)
+
 
 def strip(
     motions: object,
@@ -39,29 +47,36 @@ def strip(
     into; None makes a figure. Returns the matplotlib Figure. Rows share the time scale: a shorter motion's row ends
     sooner.
 
-    >>> import motionkit as mk  # doctest: +SKIP
-    >>> mk.strip(mk.load("walk.bvh"), poses=6)  # doctest: +SKIP
+    >>> import motionkit as mk
+    >>> picture = mk.strip(mk.load("data/walk_neutral.bvh"), poses=6)
+    >>> picture.savefig("strip.pdf")  # doctest: +SKIP
     """
     if poses < 1:
         raise MotionKitError(f"strip: expected at least one pose, found poses={poses}")
     rows = figures(motions, roles=roles, layout="overlay")
-    texts = _labels(motions, labels, roles)
     step, high = _spacing(rows)
-    ax, figure = _axes(ax, (min(1.25 * poses + 0.6, 12), 0.35 + len(rows) * min(1.25 * poses, 11.4) / (poses * step) * high))
-    end = max(f.end for f in rows)
-    for row, (character, text) in enumerate(zip(rows, texts)):
-        _strip_row(ax, character, np.linspace(0, end, poses), step, -row * high)
-        if text:
-            named = roles is not None and roles[row] is not None
-            ax.text(-0.62 * step, -row * high + 0.45 * high, text, rotation=90, ha="center", va="center", fontsize=9.5,
-                    color=colours.mix(character.role, "#000000", 0.3) if named else INK, fontweight="bold")  # fmt: skip
-    for n, time in enumerate(np.linspace(0, end, poses)):
-        ax.text(n * step, -(len(rows) - 1) * high - 0.09 * high, f"{time:.1f} s", ha="center", va="top", fontsize=8, color=SOFT)
+    wide = min(1.25 * poses, 11.4)
+    ax, figure = _axes(ax, (wide + 0.6, 0.35 + len(rows) * wide / (poses * step) * high))
+    times = np.linspace(0, max(f.end for f in rows), poses)
+    for row, character in enumerate(rows):
+        _strip_row(ax, character, times, step, -row * high)
+    _strip_texts(ax, _labels(motions, labels, roles), [f.role if roles else None for f in rows], times, step, high)
     ax.set_xlim(-0.75 * step, (poses - 0.45) * step)
     ax.set_ylim(-(len(rows) - 1) * high - 0.2 * high, 0.97 * high)
     ax.set_aspect("equal")
     ax.set_axis_off()
     return figure
+
+
+def _strip_texts(ax: object, labels: list, tints: list, times: np.ndarray, step: float, high: float) -> None:
+    """Row labels at the left, times under the last row."""
+    for row, (text, tint) in enumerate(zip(labels, tints)):
+        colour = colours.mix(tint, "#000000", 0.3) if tint else INK
+        place = {"ha": "center", "va": "center", "rotation": 90}
+        ax.text(-0.62 * step, (0.45 - row) * high, text or "", fontsize=9.5, color=colour, fontweight="bold", **place)
+    for n, time in enumerate(times):
+        place = {"ha": "center", "va": "top"}
+        ax.text(n * step, (0.91 - len(labels)) * high, f"{time:.1f} s", fontsize=8, color=SOFT, **place)
 
 
 def _spacing(rows: Sequence[Figure]) -> tuple[float, float]:
@@ -81,10 +96,16 @@ def _middles(figure: Figure) -> np.ndarray:
 
 
 def _strip_row(ax: object, figure: Figure, times: np.ndarray, step: float, base: float) -> None:
-    shown = [t for t in times if t <= figure.end + 1e-6]
-    ax.plot([-0.5 * step, (len(times) - 0.5) * step], [base, base], color="#c5ccd5", lw=0.8, zorder=0, solid_capstyle="round")
+    ax.plot(
+        [-0.5 * step, (len(times) - 0.5) * step],
+        [base, base],
+        color="#c5ccd5",
+        lw=0.8,
+        zorder=0,
+        solid_capstyle="round",
+    )
     for n, time in enumerate(times):
-        if time > figure.end + 1e-6 and len(shown) > 0:
+        if time > figure.end + 1e-6:
             continue
         pose = figure.at(time)
         middle = pose[list(figure.drawn)].mean(axis=0) * np.float32([1, 0, 1])
@@ -135,7 +156,15 @@ def still(
         draw_figure(ax, made[n], poses[n], axes, zorder=2 + rank)
         if texts[n]:
             top = poses[n][list(made[n].drawn)] @ axes.T
-            ax.text(top[:, 0].mean(), top[:, 1].max() + 0.2 * size, texts[n], ha="center", fontsize=9, color=INK, zorder=20)
+            ax.text(
+                top[:, 0].mean(),
+                top[:, 1].max() + 0.2 * size,
+                texts[n],
+                ha="center",
+                fontsize=9,
+                color=INK,
+                zorder=20,
+            )
     _frame_still(ax, everywhere @ axes.T, size)
     return picture
 
@@ -194,7 +223,7 @@ def plot_trajectory(
     every: float = 0.5,
     ax: object = None,
 ) -> object:
-    """The paths of motions over the floor, seen from above, with an arrow for where the body faces every `every` seconds.
+    """The paths of motions over the floor, seen from above, arrows for where the body faces every `every` seconds.
 
     +Z points up the page and +X to the left, so that a character walking +Z has its left hand at the left. Returns the
     matplotlib Figure; axes in metres.
@@ -203,14 +232,8 @@ def plot_trajectory(
         raise MotionKitError(f"plot_trajectory: expected every > 0 seconds, found {every}")
     ax, picture = _axes(ax, (4.2, 4.2))
     texts = _labels(motions, labels, roles)
-    for motion, character, text in zip(as_list(motions), figures(motions, roles=roles, layout="overlay"), texts):
-        path = _middles(character)[:, [0, 2]]
-        across = lefts(character.points, motion.skeleton.sides, character.parents)
-        ax.plot(*path.T, color=character.role, lw=2.2, label=text, solid_capstyle="round")
-        at = np.arange(0, len(path), max(1, round(every * character.fps)))
-        ax.quiver(path[at, 0], path[at, 1], -across[at, 2], across[at, 0], color=colours.mix(character.role, "#000000", 0.35),
-                  angles="xy", scale=13, width=0.007, zorder=3)  # fmt: skip
-        ax.plot(*path[0], "o", color="white", mec=character.role, mew=1.6, ms=7, zorder=4)
+    for motion, figure, text in zip(as_list(motions), figures(motions, roles=roles, layout="overlay"), texts):
+        _path(ax, figure, lefts(figure.points, motion.skeleton.sides, figure.parents), text, every)
     ax.set_xlabel("x (m)")
     ax.set_ylabel("z (m)")
     ax.set_aspect("equal", adjustable="datalim")
@@ -218,6 +241,15 @@ def plot_trajectory(
     ax.xaxis.set_inverted(True)
     style_axes(ax, legend=any(texts))
     return picture
+
+
+def _path(ax: object, figure: Figure, across: np.ndarray, text: str | None, every: float) -> None:
+    path, dark = _middles(figure)[:, [0, 2]], colours.mix(figure.role, "#000000", 0.35)
+    ax.plot(*path.T, color=figure.role, lw=2.2, label=text, solid_capstyle="round")
+    at = np.arange(0, len(path), max(1, round(every * figure.fps)))
+    facing = (-across[at, 2], across[at, 0])
+    ax.quiver(*path[at].T, *facing, color=dark, angles="xy", scale=13, width=0.007, zorder=3)
+    ax.plot(*path[0], "o", color="white", mec=figure.role, mew=1.6, ms=7, zorder=4)
 
 
 def plot_curves(

@@ -22,7 +22,9 @@ class Scene(go.Figure):
     JupyterLab draws it with the extension that plotly's package brings; a page that runs nothing shows the still.
     """
 
-    def _repr_mimebundle_(self, include: object = None, exclude: object = None, validate: bool = True, **_: object) -> dict:
+    def _repr_mimebundle_(
+        self, include: object = None, exclude: object = None, validate: bool = True, **_: object
+    ) -> dict:
         bundle = {MIME: self.to_plotly_json(), "text/plain": "Scene: press play in JupyterLab"}
         still = getattr(self, "_motionkit_still", None)
         if still is not None:
@@ -51,6 +53,10 @@ def scene(
     motions, labels, roles, layout: as for `Player`. frames: how many moments to keep, spread over the longest motion.
     stride: keep every stride-th frame of the first motion instead. height: pixels. Coordinates are rounded to
     millimetres; +Y of the motion points up, and plotly's x, y and z are the motion's Z, X and Y.
+
+    >>> import motionkit as mk
+    >>> len(mk.scene(mk.load("data/walk_neutral.bvh"), frames=12).frames)
+    12
     """
     if frames < 1 or (stride is not None and stride < 1):
         raise MotionKitError(f"scene: expected frames and stride of at least 1, found frames={frames}, stride={stride}")
@@ -66,7 +72,9 @@ def scene(
         texts = [role if role in colours.ROLES else f.name for f, role in zip(made, given)]
     runs = [(f, *run) for f in made for run in _runs(f)]
     picture = Scene(data=_traces(runs, made, texts, times[0]), layout=_layout(made, times, height))
-    picture.frames = [go.Frame(data=_moment(runs, t), name=str(n), traces=list(range(len(runs)))) for n, t in enumerate(times)]
+    picture.frames = [
+        go.Frame(data=_moment(runs, t), name=str(n), traces=list(range(len(runs)))) for n, t in enumerate(times)
+    ]
     found = as_list(motions)
     picture.__dict__["_motionkit_still"] = lambda: _still(found, round(end * made[0].fps / 3), labels, roles, layout)
     return picture
@@ -91,7 +99,10 @@ def _runs(figure: Figure) -> list[tuple[str, list[int | None]]]:
         colour, run = figure.colours[child], [parent, child]
         left.discard((parent, child))
         while True:
-            onward = next((c for c in children.get(run[-1], []) if figure.colours[c] == colour and (run[-1], c) in left), None)
+            onward = next(
+                (c for c in children.get(run[-1], []) if figure.colours[c] == colour and (run[-1], c) in left),
+                None,
+            )
             if onward is None:
                 break
             left.discard((run[-1], onward))
@@ -120,12 +131,29 @@ def _traces(runs: Sequence[tuple], made: Sequence[Figure], texts: Sequence, time
     for moment, (figure, colour, run) in zip(_moment(runs, time), runs):
         sizes = [0 if j is None else 11 if j == figure.head else 4 for j in run]
         look = {"color": colour, "size": sizes, "line": {"width": 0}, "opacity": 1}
-        traces.append({**moment, "mode": "lines+markers", "line": {"color": colour, "width": 9}, "marker": look, "hoverinfo": "skip",
-                       "showlegend": False})  # fmt: skip
+        traces.append(
+            {
+                **moment,
+                "mode": "lines+markers",
+                "line": {"color": colour, "width": 9},
+                "marker": look,
+                "hoverinfo": "skip",
+                "showlegend": False,
+            }
+        )
     for figure, text in zip(made, texts):
         if text:
-            traces.append({"type": "scatter3d", "x": [None], "y": [None], "z": [None], "mode": "markers", "name": text,
-                           "marker": {"color": figure.role, "size": 9}})  # fmt: skip
+            traces.append(
+                {
+                    "type": "scatter3d",
+                    "x": [None],
+                    "y": [None],
+                    "z": [None],
+                    "mode": "markers",
+                    "name": text,
+                    "marker": {"color": figure.role, "size": 9},
+                }
+            )
     return [*traces, _floor(made)]
 
 
@@ -134,7 +162,15 @@ def _floor(made: Sequence[Figure]) -> dict:
     low, high, size = _box(made)
     tile = 0.5 if size > 0.5 else size / 3
     tile *= max(1, np.ceil(max(high[0] - low[0], high[2] - low[2]) / tile / 24))
-    x0, x1, z0, z1 = (float(v * tile) for v in (np.floor(low[0] / tile), np.ceil(high[0] / tile), np.floor(low[2] / tile), np.ceil(high[2] / tile)))
+    x0, x1, z0, z1 = (
+        float(v * tile)
+        for v in (
+            np.floor(low[0] / tile),
+            np.ceil(high[0] / tile),
+            np.floor(low[2] / tile),
+            np.ceil(high[2] / tile),
+        )
+    )
     xs, zs = [], []
     for x in np.arange(x0, x1 + tile / 2, tile):
         xs += [round(float(x), 3)] * 2 + [None]
@@ -143,8 +179,16 @@ def _floor(made: Sequence[Figure]) -> dict:
         xs += [x0, x1, None]
         zs += [round(float(z), 3)] * 2 + [None]
     ys = [None if x is None else 0 for x in xs]
-    return {"type": "scatter3d", "x": zs, "y": xs, "z": ys, "mode": "lines", "line": {"color": "#d3dae3", "width": 2}, "hoverinfo": "skip",
-            "showlegend": False}  # fmt: skip
+    return {
+        "type": "scatter3d",
+        "x": zs,
+        "y": xs,
+        "z": ys,
+        "mode": "lines",
+        "line": {"color": "rgba(130,140,155,0.45)", "width": 2},
+        "hoverinfo": "skip",
+        "showlegend": False,
+    }
 
 
 def _box(made: Sequence[Figure]) -> tuple[np.ndarray, np.ndarray, float]:
@@ -162,10 +206,14 @@ def _camera(made: Sequence[Figure], ratio: dict) -> dict:
     along = [float(np.ptp(points @ d)) for d in (np.array([-left[2], 0, left[0]]), left)]
     turn = np.radians(32 + 32 * np.clip((along[0] / max(along[1], 1e-6) - 1) / 2, 0, 1))
     across, up = np.hypot(ratio["x"], ratio["y"]), ratio["z"]
-    away = 0.42 * across + max(0.62 * across, 1.25 * up)
+    away = 0.12 * across + max(0.6 * across, 1.05 * up)
     x, y = np.cos(turn) * left[0] + np.sin(turn) * left[2], np.sin(turn) * left[0] - np.cos(turn) * left[2]
     eye = {"x": round(float(away * x), 3), "y": round(float(away * y), 3), "z": round(0.22 * away, 3)}
-    return {"eye": eye, "center": {"x": 0, "y": 0, "z": round(-0.04 * up, 3)}, "projection": {"type": "perspective"}}
+    return {
+        "eye": eye,
+        "center": {"x": 0, "y": 0, "z": round(-0.04 * up, 3)},
+        "projection": {"type": "perspective"},
+    }
 
 
 def _controls(times: np.ndarray) -> dict:
@@ -181,26 +229,61 @@ def _controls(times: np.ndarray) -> dict:
         {"label": "❚❚", "method": "animate", "args": [[None], halt]},
     ]
     menu = {
-        "type": "buttons", "direction": "left", "x": 0.02, "y": 0, "xanchor": "left", "yanchor": "top", "pad": {"t": 18},
-        "showactive": False, "bgcolor": "rgba(122,132,145,0.15)", "bordercolor": clear, "font": {"color": ink}, "buttons": buttons,
-    }  # fmt: skip
+        "type": "buttons",
+        "direction": "left",
+        "x": 0.02,
+        "y": 0,
+        "xanchor": "left",
+        "yanchor": "top",
+        "pad": {"t": 18},
+        "showactive": False,
+        "bgcolor": "rgba(122,132,145,0.15)",
+        "bordercolor": clear,
+        "font": {"color": ink},
+        "buttons": buttons,
+    }
     slider = {
-        "x": 0.14, "len": 0.84, "y": 0, "pad": {"t": 8}, "steps": steps, "tickcolor": clear, "minorticklen": 0, "ticklen": 0,
-        "font": {"color": clear}, "currentvalue": {"suffix": " s", "font": {"color": ink, "size": 12}, "xanchor": "right"},
-    }  # fmt: skip
+        "x": 0.14,
+        "len": 0.84,
+        "y": 0,
+        "pad": {"t": 8},
+        "steps": steps,
+        "tickcolor": clear,
+        "minorticklen": 0,
+        "ticklen": 0,
+        "font": {"color": clear},
+        "currentvalue": {"suffix": " s", "font": {"color": ink, "size": 12}, "xanchor": "right"},
+    }
     return {"updatemenus": [menu], "sliders": [slider]}
 
 
 def _layout(made: Sequence[Figure], times: np.ndarray, height: int) -> dict:
     low, high, size = _box(made)
     # Plotly's x, y and z are the motion's Z, X and Y: a turn in a circle, so that left stays left.
-    ranges = [[float(low[2]), float(high[2])], [float(low[0]), float(high[0])], [min(float(low[1]) + 0.3 * size, -0.02), float(high[1])]]
+    ranges = [
+        [float(low[2]), float(high[2])],
+        [float(low[0]), float(high[0])],
+        [min(float(low[1]) + 0.3 * size, -0.02), float(high[1])],
+    ]
     extent = [b - a for a, b in ranges]
     ratio = {n: round(1.7 * e / max(extent), 3) for n, e in zip("xyz", extent)}
-    axes = {f"{n}axis": {"visible": False, "showspikes": False, "range": [round(v, 3) for v in r]} for n, r in zip("xyz", ranges)}
+    axes = {
+        f"{n}axis": {"visible": False, "showspikes": False, "range": [round(v, 3) for v in r]}
+        for n, r in zip("xyz", ranges)
+    }
     clear = "rgba(0,0,0,0)"
     return {
-        "template": None, "height": height, "margin": {"l": 0, "r": 0, "t": 8, "b": 8}, "paper_bgcolor": clear,
-        "legend": {"x": 0.01, "y": 0.98, "font": {"color": "#7a8491"}}, **_controls(times),
-        "scene": {**axes, "aspectmode": "manual", "aspectratio": ratio, "camera": _camera(made, ratio), "bgcolor": clear},
-    }  # fmt: skip
+        "template": None,
+        "height": height,
+        "margin": {"l": 0, "r": 0, "t": 8, "b": 8},
+        "paper_bgcolor": clear,
+        "legend": {"x": 0.01, "y": 0.98, "font": {"color": "#7a8491"}},
+        **_controls(times),
+        "scene": {
+            **axes,
+            "aspectmode": "manual",
+            "aspectratio": ratio,
+            "camera": _camera(made, ratio),
+            "bgcolor": clear,
+        },
+    }

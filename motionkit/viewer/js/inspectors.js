@@ -1,6 +1,6 @@
 // Two ways to look at the numbers behind a motion: where it faces, from above, and one feature at a time.
 
-const INK = "#39424e", SOFT = "#7a8491", LINE = "#dde2e9";
+const INK = "#39424e", SOFT = "#7a8491", LINE = "#dde2e9", LABELS = 150;
 
 function floats(view) {
   const bytes = new Uint8Array(view.buffer ?? view, view.byteOffset ?? 0, view.byteLength);
@@ -178,8 +178,8 @@ class Features extends View {
     this.side = make(this.stage, "div", "mk-side");
     const rows = parts.reduce((sum, p) => sum + p.components.length, 0);
     this.cell = [Math.min(20, 440 / (this.look.joints + 1)), Math.min(17, 250 / rows)];
-    this.keys = board(this.side, 128 + this.cell[0] * (this.look.joints + 1) + 4, 26 + rows * this.cell[1] + 8 * parts.length);
-    this.curve = board(this.side, 128 + this.cell[0] * (this.look.joints + 1) + 4, 84);
+    this.keys = board(this.side, LABELS + this.cell[0] * (this.look.joints + 1) + 4, 26 + rows * this.cell[1] + 8 * parts.length);
+    this.curve = board(this.side, LABELS + this.cell[0] * (this.look.joints + 1) + 4, 84);
     this.keys.canvas.onmousemove = this.keys.canvas.onclick = (event) => this.choose(event);
     const drag = (event) => { if (event.buttons || event.type === "click") this.put("frame", this.frameAt(event)); };
     this.curve.canvas.onmousemove = this.curve.canvas.onclick = drag;
@@ -199,7 +199,7 @@ class Features extends View {
       part.top = top;
       for (let n = part.start; n < part.stop; n++) {
         const column = joints_of[n] === null ? 0 : joints_of[n] + 1;
-        this.boxes[n] = [128 + column * w, top + ((n - part.start) % many) * h];
+        this.boxes[n] = [LABELS + column * w, top + ((n - part.start) % many) * h];
       }
       top += many * h + 8;
     }
@@ -212,7 +212,7 @@ class Features extends View {
   }
 
   frameAt(event) {
-    const part = (event.offsetX - 128) / (this.curve.canvas.clientWidth - 134);
+    const part = (event.offsetX - LABELS) / (this.curve.canvas.clientWidth - LABELS - 6);
     return Math.round(Math.min(Math.max(part, 0), 1) * (this.look.frames - 1));
   }
 
@@ -247,11 +247,11 @@ class Features extends View {
 
   paintKeys(g, frame, number) {
     const { parts, size, means, spreads, colours, joints, joints_of, mark } = this.look, [w, h] = this.cell;
-    words(g, "body", 128 + w / 2, 10, { size: 9, align: "center" });
-    for (let j = 0; j < joints; j++) disc(g, [128 + (j + 1.5) * w, 12], joints_of[number] === j ? 5 : 3, colours[j]);
+    words(g, "body", LABELS + w / 2, 10, { size: 9, align: "center" });
+    for (let j = 0; j < joints; j++) disc(g, [LABELS + (j + 1.5) * w, 12], joints_of[number] === j ? 5 : 3, colours[j]);
     for (const part of parts) {
       words(g, part.name, 4, part.top + 0.5 * h + 4, { colour: INK, size: 12, weight: "600" });
-      part.components.forEach((c, n) => words(g, c, 122, part.top + (n + 0.5) * h + 3.5, { size: Math.min(10, h - 2), align: "right" }));
+      part.components.forEach((c, n) => words(g, c, LABELS - 6, part.top + (n + 0.5) * h + 3.5, { size: Math.min(10, h - 2), align: "right" }));
     }
     this.boxes.forEach(([x, y], n) => {
       const z = spreads[n] ? Math.max(-1, Math.min(1, (this.values[frame * size + n] - means[n]) / spreads[n] / 2)) : 0;
@@ -266,14 +266,14 @@ class Features extends View {
 
   paintCurve(g, w, h, frame, number) {
     const { frames, size, mark } = this.look, all = Array.from({ length: frames }, (_, f) => this.values[f * size + number]);
-    const low = Math.min(...all), high = Math.max(...all), span = Math.max(high - low, 1e-6), wide = (w - 134) / Math.max(frames - 1, 1);
-    const to = (f) => [128 + f * wide, high - low < 1e-6 ? h / 2 : h - 10 - ((all[f] - low) / span) * (h - 20)];
-    line(g, [[128, h - 4], [w - 6, h - 4]], LINE, 1);
+    const low = Math.min(...all), high = Math.max(...all), span = Math.max(high - low, 1e-6), wide = (w - LABELS - 6) / Math.max(frames - 1, 1);
+    const to = (f) => [LABELS + f * wide, high - low < 1e-6 ? h / 2 : h - 10 - ((all[f] - low) / span) * (h - 20)];
+    line(g, [[LABELS, h - 4], [w - 6, h - 4]], LINE, 1);
     line(g, all.map((_, f) => to(f)), INK, 1.8);
-    line(g, [[128 + frame * wide, 2], [128 + frame * wide, h - 4]], mark, 1);
+    line(g, [[LABELS + frame * wide, 2], [LABELS + frame * wide, h - 4]], mark, 1);
     disc(g, to(frame), 4.5, mark);
-    words(g, high.toPrecision(3), 122, 14, { size: 10, align: "right" });
-    words(g, low.toPrecision(3), 122, h - 6, { size: 10, align: "right" });
+    words(g, high.toPrecision(3), LABELS - 6, 14, { size: 10, align: "right" });
+    words(g, low.toPrecision(3), LABELS - 6, h - 6, { size: 10, align: "right" });
     words(g, "over time", 4, h / 2 + 4, { colour: INK, size: 12, weight: "600" });
   }
 }
