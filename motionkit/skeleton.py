@@ -24,7 +24,8 @@ class Skeleton:
     end_sites: (joint, offset in metres) for each bone end. twins: each joint's mirror twin; derived from the names
     if left out.
 
-    >>> s = Skeleton(("Hips", "LeftUpLeg", "RightUpLeg"), (-1, 0, 0), torch.tensor([[0, 0.9, 0], [0.1, 0, 0], [-0.1, 0, 0]]))
+    >>> offsets = torch.tensor([[0, 0.9, 0], [0.1, 0, 0], [-0.1, 0, 0]])
+    >>> s = Skeleton(("Hips", "LeftUpLeg", "RightUpLeg"), (-1, 0, 0), offsets)
     >>> s.sides, s.twins
     (('middle', 'left', 'right'), (0, 2, 1))
     """
@@ -39,7 +40,9 @@ class Skeleton:
     def __post_init__(self) -> None:
         if not self.channels:
             turns = ("Zrotation", "Xrotation", "Yrotation")
-            object.__setattr__(self, "channels", tuple((POSITION_CHANNELS if p < 0 else ()) + turns for p in self.parents))
+            object.__setattr__(
+                self, "channels", tuple((POSITION_CHANNELS if p < 0 else ()) + turns for p in self.parents)
+            )
         if self.twins is None:
             object.__setattr__(self, "twins", anatomy.find_twins(self.names))
         self._check()
@@ -77,7 +80,9 @@ class Skeleton:
         import difflib
 
         near = difflib.get_close_matches(name, self.names, 3, 0.3) or list(self.names[:5])
-        raise MotionKitError(f"no joint {name!r}; did you mean {', '.join(map(repr, near))}? All: {', '.join(self.names)}")
+        raise MotionKitError(
+            f"no joint {name!r}; did you mean {', '.join(map(repr, near))}? All: {', '.join(self.names)}"
+        )
 
     def same_tree(self, other: Skeleton) -> bool:
         """Whether both have the same joint names with the same parents, in the same order."""
@@ -118,7 +123,7 @@ class Skeleton:
 
     @cached_property
     def level_plan(self) -> tuple[tuple[Tensor, int], ...]:
-        """For each level below the root, the places of the parents in the level above, and how many joints have children."""
+        """For each level below the root: the parents' places in the level above, and how many joints have children."""
         plan = []
         for above, level in zip(self.levels, self.levels[1:], strict=False):
             parents = torch.tensor([above.index(self.parents[j]) for j in level])
@@ -179,7 +184,7 @@ class Skeleton:
 
     @cached_property
     def height(self) -> float:
-        """About how tall the character stands, metres: a leg (down to the ankle) plus the longest way along the midline.
+        """About how tall the character stands, metres: a leg down to the ankle, and the longest way along the midline.
 
         Without sides in the names it is the two longest ways from the pelvis together.
         """

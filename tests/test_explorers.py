@@ -45,7 +45,7 @@ def test_order_renames_the_sliders_and_changes_the_picture():
 @pytest.mark.parametrize("order", explorers.ORDERS)
 def test_lock_button_makes_two_axles_one(order):
     explorer = explorers.rotation_explorer(order)
-    explorer.children[1].children[-1].click()
+    explorer.children[1].children[0].children[-1].click()
     degrees = [explorer.controls[n].value for n in ("first", "second", "third")]
     axles = gimbal.gimbal_axles(order, degrees)
     assert gimbal.gimbal_freedom(order, degrees) < 1e-6

@@ -96,3 +96,22 @@ def test_sliders_and_hovering_redraw_in_a_browser(walk, tmp_path):
         assert "contacts stands of right_ankle" in said.inner_text() and page.screenshot() != lit
         page.wait_for_function("window.saved && window.saved.number === 261")
         assert faults == []
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(bool(lab.missing()), reason=lab.missing())
+def test_in_jupyterlab_the_live_views_take_the_place_of_their_stills(tmp_path):
+    start = f"import motionkit as mk\nwalk = mk.load({str(lab.ROOT / 'data' / 'walk_turning.bvh')!r})\n"
+    lab.write_notebook(
+        tmp_path / "t.ipynb", start + "mk.viewer.facing_view(walk)", "mk.viewer.feature_inspector(walk, number=14)"
+    )
+    with lab.Lab(tmp_path) as server, server.open("t.ipynb", height=1400) as page:
+        page.run_all()
+        page.raw.wait_for_function("document.querySelectorAll('.mk-inspect').length === 2")
+        views, stills = page.raw.locator(".mk-inspect"), page.raw.locator("div[class^=mk-still]")
+        assert [views.nth(n).is_visible() for n in (0, 1)] == [True, True]
+        assert stills.count() == 2 and not stills.first.is_visible() and not stills.last.is_visible()
+        before = views.first.screenshot()
+        views.first.locator(".mk-frame").fill("90")
+        page.shot(tmp_path / "lab.png")
+        assert views.first.screenshot() != before

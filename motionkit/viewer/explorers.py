@@ -29,15 +29,16 @@ ORDERS = ("ZXY", "ZYX", "XYZ", "XZY", "YXZ", "YZX", "ZXZ", "ZYZ", "XYX", "XZX", 
 class Explorer(ipywidgets.VBox):
     """A picture over the controls that change it.
 
-    controls: name to widget. draw: called with the controls' values, gives a matplotlib Figure. buttons: widgets that
-    are shown with the controls but are no argument of `draw`. width: of the picture, pixels.
+    controls: name to widget; whole-number sliders stand at the right, all else at the left. draw: called with the
+    controls' values, gives a matplotlib Figure. buttons: widgets shown with the controls that are no argument of
+    `draw`. width: of the picture, pixels.
 
-    >>> slider = ipywidgets.FloatSlider(value=0.2, max=1.0)
+    >>> slider = ipywidgets.IntSlider(value=2)
     >>> explorer = Explorer({"x": slider}, lambda x: _axes(None, (2, 1))[1])
     >>> before = explorer.png
-    >>> slider.value = 0.5
+    >>> slider.value = 5
     >>> explorer.values()
-    {'x': 0.5}
+    {'x': 5}
     """
 
     def __init__(
@@ -49,10 +50,10 @@ class Explorer(ipywidgets.VBox):
     ) -> None:
         self.controls, self._draw = dict(controls), draw
         self._image = ipywidgets.Image(format="png", layout={"width": f"{width}px", "max_width": "100%"})
-        row = ipywidgets.HBox(
-            [*self.controls.values(), *buttons], layout={"flex_flow": "row wrap", "width": f"{width}px"}
-        )
-        super().__init__([self._image, row])
+        sliders = [c for c in self.controls.values() if isinstance(c, ipywidgets.IntSlider)]
+        choices = [c for c in self.controls.values() if c not in sliders]
+        columns = [ipywidgets.VBox([*choices, *buttons], layout={"width": "240px"}), ipywidgets.VBox(sliders)]
+        super().__init__([self._image, ipywidgets.HBox(columns, layout={"flex_flow": "row wrap"})])
         for control in self.controls.values():
             control.observe(self._redraw, "value")
         self._redraw()
@@ -120,11 +121,13 @@ def rotation_explorer(order: str = "ZXY", degrees: Sequence[float] = (35, 50, -2
         write_numbers(picture, order, (first, second, third))
         return picture
 
-    choose = ipywidgets.Dropdown(options=ORDERS, value=order, description="order", layout={"width": "170px"})
+    choose = ipywidgets.Dropdown(options=ORDERS, value=order, description="order", layout={"width": "180px"})
     names = ("first", "second", "third")
     sliders = {name: _angle_slider(value) for name, value in zip(names, degrees, strict=True)}
     lock = ipywidgets.Button(
-        description="lock it", tooltip="Set the second angle so that the gimbal locks", layout={"width": "90px"}
+        description="lock it",
+        tooltip="Set the second angle so that the gimbal locks",
+        layout={"width": "90px", "margin": "6px 0 0 90px"},
     )
     explorer = Explorer({"order": choose, **sliders}, draw, [lock])
 
@@ -139,7 +142,7 @@ def rotation_explorer(order: str = "ZXY", degrees: Sequence[float] = (35, 50, -2
 
 
 def _angle_slider(value: float, limit: int = 180, text: str = "") -> ipywidgets.IntSlider:
-    return ipywidgets.IntSlider(value=round(value), min=-limit, max=limit, description=text, layout={"width": "340px"})
+    return ipywidgets.IntSlider(value=round(value), min=-limit, max=limit, description=text, layout={"width": "500px"})
 
 
 def turn_joint(motion: object, joint: str, axis: str, degrees: float) -> object:
@@ -217,10 +220,10 @@ def fk_explorer(motion: object, joint: str | None = None, axis: str = "Z", degre
     controls = {
         "joint": ipywidgets.Dropdown(options=names, value=chosen, description="joint", layout={"width": "230px"}),
         "axis": ipywidgets.ToggleButtons(
-            options=list("XYZ"), value=axis, style={"button_width": "40px"}, layout={"width": "150px"}
+            options=list("XYZ"), value=axis, style={"button_width": "40px"}, layout={"margin": "6px 0 0 90px"}
         ),
         "angle": _angle_slider(degrees, 150, "angle (°)"),
-        "frame": ipywidgets.IntSlider(value=0, max=len(motion) - 1, description="frame", layout={"width": "340px"}),
+        "frame": ipywidgets.IntSlider(value=0, max=len(motion) - 1, description="frame", layout={"width": "500px"}),
     }
     return Explorer(controls, draw)
 

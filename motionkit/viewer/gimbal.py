@@ -168,7 +168,7 @@ def write_numbers(picture: object, order: str, degrees: Sequence[float]) -> None
         picture.text(
             0.56,
             0.1,
-            "gimbal lock: two axles are one",
+            "gimbal lock: two axles fall together",
             fontsize=10.5,
             color=colours.CONTACT,
             weight="bold",

@@ -5,6 +5,8 @@ Both draw in the browser, so that a slider follows the hand; both leave a still 
 
 from __future__ import annotations
 
+import base64
+import html
 import io
 import json
 import zlib
@@ -70,10 +72,12 @@ class _Inspector(anywidget.AnyWidget):
         """Show the live view, and after it a still that the live view hides."""
         from IPython.display import display
 
-        from .player import _still_html
-
+        # without a kernel JupyterLab complains in the view's place; where HTML is trusted, the rule takes that away
+        rule = f".jp-OutputArea-child:not(:has(.mk-inspect)):has(+ .jp-OutputArea-child .{self._still})"
+        source = base64.b64encode(self.still()).decode()
+        image = f'<img alt="{html.escape(repr(self))}" src="data:image/png;base64,{source}" style="max-width: 100%">'
+        still = f'<style>{rule} {{ display: none; }}</style><div class="{self._still}">{image}</div>'
         display(self._repr_mimebundle_(), raw=True)
-        still = _still_html(self.still(), self._still, repr(self))
         display({"text/html": still, "text/plain": "(still picture)"}, raw=True)
 
 

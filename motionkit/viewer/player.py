@@ -126,7 +126,7 @@ class Player(anywidget.AnyWidget):
         self._motions = as_list(motions)
         super().__init__(
             _data=prepare(self._motions, **self._shown),
-            _still=f"mk-still-{uuid.uuid4().hex[:12]}",
+            _still=f"mk-still-{uuid.uuid4()}",
             height=height,
             loop=loop,
             speed=speed,

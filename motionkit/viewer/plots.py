@@ -155,16 +155,9 @@ def still(
     for rank, n in enumerate(order):
         draw_figure(ax, made[n], poses[n], axes, zorder=2 + rank)
         if texts[n]:
-            top = poses[n][list(made[n].drawn)] @ axes.T
-            ax.text(
-                top[:, 0].mean(),
-                top[:, 1].max() + 0.2 * size,
-                texts[n],
-                ha="center",
-                fontsize=9,
-                color=INK,
-                zorder=20,
-            )
+            seen = poses[n][list(made[n].drawn)] @ axes.T
+            place = seen[:, 0].mean(), seen[:, 1].max() + 0.2 * size
+            ax.text(*place, texts[n], ha="center", fontsize=9, color=INK, zorder=20)
     _frame_still(ax, everywhere @ axes.T, size)
     return picture
 

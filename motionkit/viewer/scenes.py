@@ -61,11 +61,7 @@ def scene(
     if frames < 1 or (stride is not None and stride < 1):
         raise MotionKitError(f"scene: expected frames and stride of at least 1, found frames={frames}, stride={stride}")
     made = figures(motions, roles=roles, layout=layout)
-    end = max(f.end for f in made)
-    if stride is None:
-        times = np.linspace(0, end, min(frames, round(end * max(f.fps for f in made)) + 1))
-    else:
-        times = np.arange(0, end + 1e-6, stride / made[0].fps)
+    end, times = _moments_shown(made, frames, stride)
     texts = per_motion(labels, len(made), "labels")
     if labels is None and len(made) > 1:
         given = per_motion(roles, len(made), "roles")
@@ -78,6 +74,14 @@ def scene(
     found = as_list(motions)
     picture.__dict__["_motionkit_still"] = lambda: _still(found, round(end * made[0].fps / 3), labels, roles, layout)
     return picture
+
+
+def _moments_shown(made: list, frames: int, stride: int | None) -> tuple[float, np.ndarray]:
+    """When the longest motion ends, and the times that the figure keeps, in seconds."""
+    end = max(f.end for f in made)
+    if stride is not None:
+        return end, np.arange(0, end + 1e-6, stride / made[0].fps)
+    return end, np.linspace(0, end, min(frames, round(end * max(f.fps for f in made)) + 1))
 
 
 def _still(motions: list, frame: int, labels: object, roles: object, layout: str) -> bytes:
