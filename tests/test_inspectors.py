@@ -88,7 +88,7 @@ def test_sliders_and_hovering_redraw_in_a_browser(walk, tmp_path):
             after = page.screenshot()
             assert before != after and "40" in page.locator(".mk-said").inner_text()
         keys = page.locator(".mk-side canvas").first
-        keys.hover(position={"x": 150 + 9 * (440 / 23) + 5, "y": 22 + 4 * 14 + 8 + 20})
+        keys.hover(position={"x": 132 + 9 * 17 + 5, "y": 22 + 4 * 14 + 8 + 20})
         said = page.locator(".mk-said")
         assert "positions" in said.inner_text() and said.get_attribute("data-joint") in walk.skeleton.names
         lit = page.screenshot()

@@ -1,6 +1,6 @@
 // Two ways to look at the numbers behind a motion: where it faces, from above, and one feature at a time.
 
-const INK = "#39424e", SOFT = "#7a8491", LINE = "#dde2e9", LABELS = 150;
+const INK = "#39424e", SOFT = "#7a8491", LINE = "#dde2e9", LABELS = 132;
 
 function floats(view) {
   const bytes = new Uint8Array(view.buffer ?? view, view.byteOffset ?? 0, view.byteLength);
@@ -174,10 +174,10 @@ class Features extends View {
   build() {
     const { parts, size } = this.look;
     this.values = floats(this.model.get("_values"));
-    this.skeleton = board(this.stage, 250, 330);
+    this.skeleton = board(this.stage, 180, 330);
     this.side = make(this.stage, "div", "mk-side");
     const rows = parts.reduce((sum, p) => sum + p.components.length, 0);
-    this.cell = [Math.min(20, 440 / (this.look.joints + 1)), Math.min(17, 250 / rows)];
+    this.cell = [Math.min(17, 400 / (this.look.joints + 1)), Math.min(17, 250 / rows)];
     this.keys = board(this.side, LABELS + this.cell[0] * (this.look.joints + 1) + 4, 26 + rows * this.cell[1] + 8 * parts.length);
     this.curve = board(this.side, LABELS + this.cell[0] * (this.look.joints + 1) + 4, 84);
     this.keys.canvas.onmousemove = this.keys.canvas.onclick = (event) => this.choose(event);
