@@ -34,7 +34,8 @@ def normalize(v: Tensor) -> Tensor:
     # first to about 1, so that the squares of very short or long vectors stay within the numbers there are;
     # the result does not depend on that size, so its gradient need not either
     size = v.detach().abs().amax(-1, keepdim=True)
-    v = v / torch.where(size >= torch.finfo(v.dtype).tiny, size, torch.ones_like(size))
+    enough = size >= torch.finfo(v.dtype).tiny  # below it, numbers have too few digits left to tell a direction
+    v = torch.where(enough, v / torch.where(enough, size, torch.ones_like(size)), torch.zeros_like(v))
     length = _safe_sqrt((v * v).sum(-1, keepdim=True))
     return v / torch.where(length > 0, length, torch.ones_like(length))
 

@@ -79,6 +79,7 @@ class Lab:
         for name, values in {
             "apputils-extension/themes": {"theme": "JupyterLab Dark" if self.dark else "JupyterLab Light"},
             "apputils-extension/notification": {"fetchNews": "false", "checkForUpdates": False},
+            "notebook-extension/tracker": {"windowingMode": "none"},  # else cells off the screen are not there
         }.items():
             path = settings / f"{name}.jupyterlab-settings"
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -279,6 +279,7 @@ def assert_rotation_matrix(matrix: torch.Tensor, tolerance: float) -> None:
 
 
 @given(st.lists(st.floats(-1e6, 1e6, width=32), min_size=6, max_size=6))
+@example([0.0, 0.0, 1e-45, 0.0, 0.0, 0.0])
 def test_any_six_numbers_make_a_rotation(numbers):
     for dtype in DTYPES:
         matrix = rot.sixd_to_matrix(torch.tensor(numbers, dtype=dtype))
