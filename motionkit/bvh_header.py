@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import count
 
 from .errors import MotionKitError
 from .skeleton import POSITION_CHANNELS
@@ -15,6 +17,7 @@ _NEWLINE = re.compile(r"\r\n?|\n")
 # a brace, a heading with the rest of its line (names may hold spaces), or a word
 _TOKEN = re.compile(r"[{}]|(?:ROOT|JOINT|END)(?![^\s{}])[^{}\r\n]*|[^\s{}]+", re.IGNORECASE)
 _HEADING = re.compile(r"(ROOT|JOINT|END)(?!\S)(.*)", re.IGNORECASE)
+_OFFSET = re.compile(r"(?<![^\s{}])OFFSET[ \t]+([-+.\deE]+)[ \t]+([-+.\deE]+)[ \t]+([-+.\deE]+)(?![^\s{}])")
 _MOST_JOINTS = 4096  # far above any character; a guard against files that only nest
 
 
@@ -196,9 +199,37 @@ def _is_number(word: str) -> bool:
 def parse_header(text: str, source: str) -> Header:
     """The hierarchy from its text; MotionKitError names `source` and the line of what is wrong.
 
+    The clips of a dataset mostly differ in their offsets alone, so what else a hierarchy says is read once and kept.
+
     >>> parse_header("HIERARCHY ROOT Hips { OFFSET 0 1 0 CHANNELS 1 Xrotation }", "walk.bvh").names
     ['Hips']
     """
+    number = count()
+    shape = _OFFSET.sub(lambda _: f"OFFSET {next(number)} 0 0", text)
+    try:
+        known = _read_shape(shape)
+        offsets = [tuple(map(float, words)) for words in _OFFSET.findall(text)]
+    except (MotionKitError, ValueError):
+        return _read(text, source)  # again, to name the line
+    fits = len(offsets) == len(known.names) + len(known.end_sites)
+    if not fits or not all(abs(x) <= LARGEST for offset in offsets for x in offset):
+        return _read(text, source)
+    return Header(
+        list(known.names),
+        list(known.parents),
+        [offsets[int(n)] for n, _, _ in known.offsets],
+        list(known.channels),
+        [(joint, offsets[int(n)]) for joint, (n, _, _) in known.end_sites],
+    )
+
+
+@lru_cache(64)
+def _read_shape(text: str) -> Header:
+    """A hierarchy in which each OFFSET holds its own number, counted from 0, instead of a place."""
+    return _read(text, "")
+
+
+def _read(text: str, source: str) -> Header:
     header = _Reader(text, source).read()
     if len(set(header.names)) < len(header.names):
         header.names = _distinct(header.names)
