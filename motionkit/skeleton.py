@@ -206,7 +206,7 @@ class Skeleton:
 
     @cached_property
     def body_parts(self) -> dict[str, tuple[int, ...]]:
-        """Joints of the five parts torso, left_arm, right_arm, left_leg, right_leg (paper 5, section 3.4).
+        """Joints of the five parts torso, left_arm, right_arm, left_leg, right_leg (paper 5, section 3.3).
 
         A joint with a side belongs to a leg if the path down to it leaves the midline at the pelvis, else to an arm.
         """
