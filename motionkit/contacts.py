@@ -151,12 +151,12 @@ def _corner(u: Tensor, v: Tensor) -> Tensor:
 def lock_feet(
     motion: Motion, contacts: Tensor | None = None, blend: int = 5, feet: Sequence[str] | None = None
 ) -> Motion:
-    """Hold standing feet still: each leg is bent so that the joint that stands stays where it is.
+    """Hold standing feet still: each leg is bent so that the joint that stands stays where it is, at one height.
 
     contacts: bool [F, K], as in `foot_contacts` (found if left out). blend: frames over which the correction fades in
     before a contact and out after it. Per contact the place is chosen so that the legs are moved as little as can be;
-    where a leg is too short the pelvis sinks. Joints of the upper body keep their rotations. Needs hips, knees and
-    ankles by name.
+    the height is the joint's median height over all its contacts. Where a leg is too short the pelvis sinks. Joints
+    of the upper body keep their rotations. Needs hips, knees and ankles by name.
 
     >>> import motionkit as mk
     >>> m = mk.load("data/walk_neutral.bvh")
@@ -173,19 +173,25 @@ def lock_feet(
     targets = []
     for _, _, ankle in legs:
         mine = [k for k, j in enumerate(joints) if ankle in motion.skeleton.chain(j)]
-        shift = _corrections(places[:, [joints[k] for k in mine]][..., [0, 2]], contacts[:, mine], blend)
-        targets.append(places[:, ankle] + torch.stack((shift[:, 0], torch.zeros_like(shift[:, 0]), shift[:, 1]), -1))
-    drop = _pelvis_drop(motion, legs, targets, places)
-    translations = motion.translations.clone()
-    pelvis = motion.skeleton.pelvis
+        foot, stands = places[:, [joints[k] for k in mine]], contacts[:, mine]
+        across = _corrections(foot[..., [0, 2]], stands, blend)
+        up = _height_corrections(foot[..., 1], stands, blend)
+        targets.append(places[:, ankle] + torch.stack((across[:, 0], up, across[:, 1]), -1))
+    motion = _sunk(motion, _pelvis_drop(motion, legs, targets, places))
+    for leg, target in zip(legs, targets, strict=True):
+        motion = two_bone_ik(motion, leg, target)
+    return motion
+
+
+def _sunk(motion: Motion, drop: Tensor) -> Motion:
+    """The motion with its pelvis, and all that hangs on it, `drop` [F] metres lower in the world."""
+    pelvis, translations = motion.skeleton.pelvis, motion.translations.clone()
     down = torch.stack((torch.zeros_like(drop), -drop, torch.zeros_like(drop)), -1)
     parent = motion.skeleton.parents[pelvis]
     if parent >= 0:
         down = rot.quaternion_rotate(rot.quaternion_inverse(motion.world_rotations()[:, parent]), down)
     translations[:, pelvis] = translations[:, pelvis] + down
-    for leg, target in zip(legs, targets, strict=True):
-        motion = two_bone_ik(motion.replace(translations=translations), leg, target)
-    return motion
+    return motion.replace(translations=translations)
 
 
 def _legs(motion: Motion) -> list[tuple[int, int, int]]:
@@ -220,6 +226,28 @@ def _corrections(places: Tensor, stands: Tensor, blend: int) -> Tensor:
         shift[start:stop] = walk - walk.mean(0)
         weight[start:stop] = 1
     return _fade(shift, intervals, weight, blend)
+
+
+def _height_corrections(heights: Tensor, stands: Tensor, blend: int) -> Tensor:
+    """How far to lift a leg's end, [F] metres, so that whichever of its joints stands keeps one level.
+
+    heights: [F, k] of the leg's foot joints, from the ankle outwards; stands: bool [F, k]. A joint's level is its
+    median height while it stands, over the whole clip: the floor is flat.
+    """
+    lift, planted = heights.new_zeros(len(heights)), torch.zeros(len(heights))
+    for k in range(heights.shape[1]):  # the outermost joint that stands has the last word
+        here = stands[:, k]
+        if here.any():
+            lift[here] = heights[here, k].median() - heights[here, k]
+            planted[here] = k + 1.0
+    inside = stands.any(1)
+    faded = _fade(lift[:, None], _intervals(inside), inside.to(heights.dtype), blend)[:, 0]
+    weights = heights.new_tensor([1.0, 4.0, 6.0, 4.0, 1.0]) / 16
+    padded = torch.nn.functional.pad(faded[None, None], (2, 2), mode="replicate")
+    soft = torch.nn.functional.conv1d(padded, weights[None, None])[0, 0]
+    changes = torch.nn.functional.pad((planted[1:] != planted[:-1]).float(), (1, 0))
+    rolling = torch.nn.functional.max_pool1d(changes[None, None], 5, 1, 2)[0, 0] > 0  # from ankle to toe, or off it
+    return torch.where(rolling, soft, faded)
 
 
 def _intervals(flags: Tensor) -> list[tuple[int, int]]:

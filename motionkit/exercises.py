@@ -7,6 +7,7 @@ Each exercise has a reference, which is the kit's own function, and a few cases.
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -36,13 +37,21 @@ def _random(*shape: int, seed: int = 0) -> Tensor:
 
 
 def _walkers() -> list[tuple]:
-    """Two short motions: one that stands still, one that slides 1 cm a frame."""
+    """Motions and contacts: one stands, one slides 1 cm a frame, one flails on random feet, one never stands."""
     turns = rot.identity_quaternion(20, 22)
     still = torch.tensor([0.0, 0.96, 0.0]).expand(20, 3)
     slide = still + torch.arange(20)[:, None] * torch.tensor([0.0, 0.0, 0.01])
-    return [
-        (Motion.from_root(smpl(), turns, root, 30.0), torch.ones(20, 4, dtype=torch.bool)) for root in (still, slide)
-    ]
+    every = torch.ones(20, 4, dtype=torch.bool)
+    flailing = Motion.from_root(smpl(), rot.exp_map(0.2 * _random(20, 22, 3)), still + 0.1 * _random(20, 3), 30.0)
+    known = [(Motion.from_root(smpl(), turns, root, 30.0), every) for root in (still, slide)]
+    return [*known, (flailing, _random(20, 4) > 0), (flailing, ~every)]
+
+
+def _turns() -> list[tuple]:
+    """Pairs of rotations with a share of the way: random ones, equal ones, and one written with both signs."""
+    pairs = [(rot.normalize(_random(5, 4)), rot.normalize(_random(5, 4, seed=1)), t) for t in (0.0, 0.3, 1.0)]
+    same = rot.normalize(_random(3, 4))
+    return [*pairs, (same, same, 0.5), (same, -same, 0.5)]
 
 
 def _still_column() -> Tensor:
@@ -71,7 +80,7 @@ _EXERCISES = {
     ),
     "slerp": Exercise(
         rot.slerp,
-        lambda: [(rot.normalize(_random(5, 4)), rot.normalize(_random(5, 4, seed=1)), t) for t in (0.0, 0.3, 1.0)],
+        _turns,
         "go the short way (flip one quaternion when their product is negative) and keep the result at length 1",
     ),
     "match_statistics": Exercise(
@@ -89,9 +98,14 @@ _EXERCISES = {
     "foot_sliding": Exercise(
         foot_sliding,
         _walkers,
-        "count only pairs of neighbouring frames that both stand, x and z only, in millimetres",
+        "the mean over pairs of neighbouring frames in which the same joint stands in both; x and z only, in "
+        "millimetres; 0 where nothing stands",
     ),
 }
+
+
+# slips that are common enough to be told by name
+_FACTORS = {0.5: "half", 2.0: "twice", -1.0: "minus", 180 / math.pi: "57.3 times (degrees?)", 0.001: "a thousandth of"}
 
 
 def names() -> list[str]:
@@ -133,10 +147,26 @@ def _first_problem(exercise: Exercise, mine: Callable) -> str | None:
             return f"not yet. Case {number} stops with {type(error).__name__}: {error}"
         if got is None or got is NotImplemented:
             return "not tried yet: write the function, then run this cell again."
-        got = torch.as_tensor(got)
-        if got.shape != wanted.shape:
-            return f"not yet. In case {number} the shape is {list(got.shape)}; expected {list(wanted.shape)}."
-        gap = float((got - wanted).abs().max())
-        if not gap < 1e-4:
-            return f"not yet. In case {number} the largest difference is {gap:.3g}. Hint: {exercise.hint}"
+        if isinstance(got, tuple):
+            return f"not yet. Return one tensor or number, not a tuple of {len(got)}."
+        problem = _difference(torch.as_tensor(got), wanted)
+        if problem:
+            return f"not yet. In case {number} {problem}" + (f" Hint: {exercise.hint}" if "largest" in problem else "")
     return None
+
+
+def _difference(got: Tensor, wanted: Tensor) -> str | None:
+    """In words, what is wrong with an answer; None where nothing is."""
+    if got.shape != wanted.shape:
+        return f"the shape is {list(got.shape)}; expected {list(wanted.shape)}."
+    got, wanted = got.double(), wanted.double()
+    if not torch.isfinite(got).all():
+        return "some numbers are not finite: where do you divide by 0, or take the root of less than 0?"
+    near = 1e-4 * max(1.0, float(wanted.abs().max()))
+    gap = float((got - wanted).abs().max())
+    if gap <= near:
+        return None
+    for factor, text in _FACTORS.items():
+        if float((got - factor * wanted).abs().max()) <= near * abs(factor):
+            return f"your numbers are {text} the right ones."
+    return f"the largest difference is {gap:.3g}."

@@ -104,6 +104,17 @@ def test_locking_takes_added_skating_out(walk, factor):
     assert jump < 2.5 * was  # no pops where contacts begin and end
 
 
+def test_locking_holds_the_height_too(walk):
+    """Feet that nod up and down while they stand come to rest at one level."""
+    stands = foot_contacts(walk)
+    nod = torch.zeros_like(walk.translations)
+    nod[:, 0, 1] = 0.02 * torch.sin(torch.arange(120) * 0.9)
+    locked = lock_feet(walk.replace(translations=walk.translations + nod), stands)
+    toe = walk.skeleton.index("left_foot")
+    heights = locked.positions()[:, toe, 1][stands[:, 1]]
+    assert (walk.translations + nod)[stands[:, 1], 0, 1].std() > 0.012 and heights.std() < 0.004
+
+
 @pytest.mark.captures
 def test_locking_on_captures_with_added_skating(captures_dir):
     for path in sorted(captures_dir.glob("*walk_*.bvh"))[:4]:

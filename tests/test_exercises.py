@@ -21,6 +21,54 @@ def test_a_wrong_answer_gets_a_hint(name, capsys):
     assert "Hint:" in capsys.readouterr().out
 
 
+def slides(motion, contacts, places, pairs):
+    """A student's sliding with one thing left open."""
+    feet = places(motion.positions()[:, list(motion.skeleton.feet())])
+    steps = (feet[1:] - feet[:-1]).norm(dim=-1) * 1000
+    chosen = steps[pairs(contacts)]
+    return float(chosen.mean()) if len(chosen) else 0.0
+
+
+@pytest.mark.parametrize(
+    "places, pairs",
+    [
+        (lambda p: p[..., [0, 2]], lambda c: torch.ones_like(c[1:])),  # contacts ignored
+        (lambda p: p[..., [0, 2]], lambda c: c[1:] | c[:-1]),
+        (lambda p: p, lambda c: c[1:] & c[:-1]),  # y counted
+        (lambda p: p[..., 2:], lambda c: c[1:] & c[:-1]),  # z only
+    ],
+)
+def test_plausible_but_wrong_sliding_is_caught(places, pairs):
+    assert not exercises.check("foot_sliding", lambda m, c: slides(m, c, places, pairs))
+
+
+def test_right_sliding_passes():
+    assert exercises.check(
+        "foot_sliding", lambda m, c: slides(m, c, lambda p: p[..., [0, 2]], lambda c: c[1:] & c[:-1])
+    )
+
+
+def test_an_unguarded_slerp_is_caught(capsys):
+    def bare(a, b, t):
+        b = torch.where((a * b).sum(-1, keepdim=True) < 0, -b, b)
+        angle = torch.acos((a * b).sum(-1, keepdim=True))
+        return (torch.sin((1 - t) * angle) * a + torch.sin(t * angle) * b) / torch.sin(angle)
+
+    assert not exercises.check("slerp", bare)
+    assert "not finite" in capsys.readouterr().out
+
+
+def test_common_slips_are_named(capsys):
+    angle = exercises._EXERCISES["swing_angle"].reference
+    for mine, part in (
+        (lambda a, b: torch.rad2deg(angle(a, b)), "degrees?"),
+        (lambda a, b: angle(a, b) / 2, "half the right"),
+        (lambda a, b: (angle(a, b), 1), "not a tuple"),
+    ):
+        assert not exercises.check("swing_angle", mine)
+        assert part in capsys.readouterr().out
+
+
 def test_errors_and_shapes_are_put_in_words(capsys):
     assert not exercises.check("slerp", lambda a: a)
     assert "TypeError" in capsys.readouterr().out

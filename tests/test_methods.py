@@ -51,6 +51,9 @@ def test_restyled_walk_takes_the_style_and_keeps_the_walk(clips, style):
     assert (poses["out"] - poses["style"]).norm() < 0.35 * (poses["content"] - poses["style"]).norm()
     stands = foot_contacts(content)
     assert foot_sliding(out, stands) < 1.0
+    toe = content.skeleton.index("left_foot")
+    hover = (out.positions() - content.positions())[:, toe, 1][stands[:, 1]]
+    assert hover.abs().max() < 0.015  # it stands on the ground, not over it
     assert out.positions()[..., 1].min() > -0.005
     assert (out.positions()[0, 0] - content.positions()[0, 0])[[0, 2]].norm() < 0.02
     bones = (out.positions()[:, 1:] - out.positions()[:, list(out.skeleton.parents[1:])]).norm(dim=-1)

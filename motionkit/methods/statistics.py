@@ -134,15 +134,17 @@ class Statistics:
         return layout.decode(x)
 
     def _on_the_ground(self, body: Motion, content: Motion, style: Motion) -> Motion:
-        """Put the lowest foot where the content has it, then hold feet still while the content's feet stand."""
+        """Put standing feet at the height that the content's have, then hold them still while those stand."""
         try:
             feet = list(body.skeleton.feet())
         except MotionKitError:
             return body  # a body without feet keeps its height
-        lift = content.positions()[:, feet, 1].quantile(0.02) - body.positions()[:, feet, 1].quantile(0.02)
+        stands = foot_contacts(content)
+        tips = [n for n, j in enumerate(feet) if not set(body.skeleton.below(j)[1:]) & set(feet)]  # toes, not ankles
+        higher = (content.positions() - body.positions())[:, [feet[n] for n in tips], 1]
         translations = body.translations.clone()
-        translations[:, 0, 1] += lift
-        return lock_feet(body.replace(translations=translations), foot_contacts(content))
+        translations[:, 0, 1] += (higher[stands[:, tips]] if stands[:, tips].any() else higher).median()
+        return lock_feet(body.replace(translations=translations), stands)
 
 
 def _relative_liveliness(motion: Motion) -> float:

@@ -241,7 +241,8 @@ def _path(ax: object, figure: Figure, across: np.ndarray, text: str | None, ever
     ax.plot(*path.T, color=figure.role, lw=2.2, label=text, solid_capstyle="round")
     at = np.arange(0, len(path), max(1, round(every * figure.fps)))
     facing = (-across[at, 2], across[at, 0])
-    ax.quiver(*path[at].T, *facing, color=dark, angles="xy", scale_units="inches", scale=3.2, units="inches", width=0.028, zorder=3)
+    size = {"scale_units": "inches", "scale": 3.2, "units": "inches", "width": 0.028}  # the same on axes of any width
+    ax.quiver(*path[at].T, *facing, color=dark, angles="xy", zorder=3, **size)
     ax.plot(*path[0], "o", color="white", mec=figure.role, mew=1.6, ms=7, zorder=4)
 
 
