@@ -8,7 +8,7 @@ import torch
 
 import motionkit as mk
 from motionkit import rotations as rot
-from motionkit.viewer import explorers, gimbal
+from motionkit.viewer import explorers, gimbal, lessons
 
 
 @pytest.fixture(scope="module")
@@ -115,3 +115,46 @@ def test_mistakes_are_told():
         explorers.fk_explorer(mk.load("data/walk_neutral.bvh"), "elbow")
     with pytest.raises(mk.MotionKitError, match="no motion|no frame"):
         explorers.fk_explorer(mk.load("data/walk_neutral.bvh")[:0])
+
+
+def texts(picture) -> list[str]:
+    import matplotlib.text
+
+    return [t.get_text() for t in picture.findobj(matplotlib.text.Text)]
+
+
+@pytest.mark.parametrize("order", explorers.ORDERS)
+@pytest.mark.parametrize("degrees", [(40, 60, 20), (20, 90, 0), (0, 0, 0), (-35, 75, 10)])
+def test_no_axle_is_named_on_the_dart(order, degrees):
+    named = [t for t in gimbal.plot_gimbal(order, degrees).axes[0].texts if t.get_text()[-1] in "₁₂₃"]
+    assert len(named) == 3
+    for text in named:
+        x, y = text.get_position()
+        assert 0.7 < (x * x + y * y) ** 0.5 < 1.45
+
+
+def test_rotation_paths_measure_the_turn_and_mark_both_ends():
+    turn = rot.yaw_to_quaternion(torch.linspace(0, torch.pi / 2, 61))
+    picture = lessons.plot_rotation_paths({"even": turn, "back": turn.flip(0)})
+    assert {"start", "end", "even: 90° in all", "back: 90° in all"} <= set(texts(picture))
+
+
+def test_numbers_are_named_and_a_jump_turns_the_title_pink():
+    from motionkit.viewer import colours
+
+    along = torch.linspace(0, 1, 101)
+    ways = {"smooth": torch.stack((along, -along), 1), "broken": (along > 0.5).float()[:, None]}
+    picture = lessons.plot_numbers(ways, {"smooth": "wx", "broken": "y"}, along, "turns")
+    titles = [ax._left_title for ax in picture.axes]
+    assert [t.get_text() for t in titles] == ["smooth: largest step 0.01", "broken: largest step 1.00"]
+    assert titles[1].get_color() == colours.CONTACT != titles[0].get_color()
+    assert {"w", "x", "y", "turns"} <= set(texts(picture))
+
+
+def test_motions_from_the_side_share_one_scale(walk):
+    few = walk[::40]
+    far = few.moved(offset=(0.0, 0.0, 3.0))
+    picture = lessons.plot_from_side({"here": few, "there": far}, right="here")
+    one, two = picture.axes
+    assert one.get_xlim() == two.get_xlim() and one.get_ylim() == two.get_ylim()
+    assert len(one.lines) == len(two.lines) == len(few) * 21 + 1

@@ -4,10 +4,11 @@ import json
 
 import lab
 import pytest
+import torch
 
 import motionkit as mk
 from motionkit.features import FacingFree, Graph, HumanML3D, SixD, StyleERD
-from motionkit.viewer import facing_view, feature_inspector
+from motionkit.viewer import facing_view, feature_inspector, plot_layouts, plot_paddle, plot_paths
 
 TRAITS = ("_points", "_values", "_look", "_kind", "_still", "frame", "number")
 PAGE = """<style>%s</style><body><div id="here"></div><script type="module">
@@ -71,6 +72,32 @@ def test_a_saved_page_gets_a_picture_with_the_same_name_each_time(walk):
         feature_inspector("walk.bvh")
 
 
+def test_layouts_are_drawn_as_long_as_their_rows():
+    layouts = [FacingFree(), Graph(), HumanML3D(), SixD(), StyleERD()]
+    ax = plot_layouts(layouts).axes[0]
+    ends = {}
+    for bar in ax.patches:
+        y = round(-bar.get_y() - bar.get_height() / 2)
+        ends[y] = max(ends.get(y, 0), bar.get_x() + bar.get_width())
+    assert [ends[y] for y in range(5)] == [layout.size for layout in layouts]
+
+
+def test_paths_are_drawn_from_above():
+    lines = plot_paths({"there": torch.eye(2), "back": torch.zeros(3, 2)}, title="two").axes[0].lines
+    assert [line.get_label() for line in lines] == ["there", "back"]
+    assert lines[0].get_xydata().tolist() == torch.eye(2).tolist() and lines[0].axes.xaxis.get_inverted()
+
+
+def test_a_paddle_shows_a_twist(walk):
+    twisted = walk.rotations.clone()
+    wrist = walk.skeleton.index("right_wrist")
+    twisted[:, wrist] = torch.tensor([0.5**0.5, -(0.5**0.5), 0.0, 0.0])  # about the forearm's own length
+    ax = plot_paddle({"as it is": walk, "twisted": walk.replace(rotations=twisted)}, frame=15).axes[0]
+    paddles = [patch.get_xy() for patch in ax.patches]
+    shapes = [(p - p[0]).round(3).tolist() for p in paddles]
+    assert len(paddles) == 2 and shapes[0] != shapes[1]
+
+
 @pytest.mark.browser
 @pytest.mark.skipif(bool(lab.missing()), reason=lab.missing())
 def test_sliders_and_hovering_redraw_in_a_browser(walk, tmp_path):
@@ -88,7 +115,7 @@ def test_sliders_and_hovering_redraw_in_a_browser(walk, tmp_path):
             after = page.screenshot()
             assert before != after and "40" in page.locator(".mk-said").inner_text()
         keys = page.locator(".mk-side canvas").first
-        keys.hover(position={"x": 132 + 9 * 17 + 5, "y": 22 + 4 * 14 + 8 + 20})
+        keys.hover(position={"x": 132 + 9 * 17 + 5, "y": 62 + 4 * 14 + 8 + 20})
         said = page.locator(".mk-said")
         assert "positions" in said.inner_text() and said.get_attribute("data-joint") in walk.skeleton.names
         lit = page.screenshot()

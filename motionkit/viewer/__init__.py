@@ -18,10 +18,16 @@ _HOMES = {
     "style_axes": "plots",
     "facing_view": "inspectors",
     "feature_inspector": "inspectors",
+    "plot_layouts": "feature_plots",
+    "plot_paths": "feature_plots",
+    "plot_paddle": "feature_plots",
     "rotation_explorer": "explorers",
     "fk_explorer": "explorers",
     "plot_gimbal": "gimbal",
     "plot_turned": "explorers",
+    "plot_rotation_paths": "lessons",
+    "plot_numbers": "lessons",
+    "plot_from_side": "lessons",
 }
 __all__ = [*_HOMES, "colours"]
 

@@ -16,11 +16,12 @@ from .plots import INK, SOFT, _axes
 AXIS_COLOURS = {"X": "#d3622b", "Y": "#2f9e77", "Z": "#5b5ea6"}
 _RINGS = (1.0, 0.85, 0.7)  # radii of the first, second and third ring
 _LOCKED = 0.08  # below this much freedom the picture says so
-# A paper dart that flies along +Z with its fin up: corners of its faces, and whose colour each has.
+_NAMES_AT = ((1.36, 1.3), (1.2, 1.2), (1.02, 0.78))  # how far out an axle's name stands, and at least in the picture
+# A paper dart that flies along +Z with its fin up: its faces' greys (orange and blue are limbs) and corners.
 _DART = (
-    ("left", ((0, 0, 0.6), (0.36, 0.05, -0.36), (0.03, 0, -0.3))),
-    ("right", ((0, 0, 0.6), (-0.36, 0.05, -0.36), (-0.03, 0, -0.3))),
-    ("middle", ((0, 0, 0.45), (0, 0.24, -0.38), (0, 0, -0.3))),
+    ("#aab4c0", ((0, 0, 0.6), (0.36, 0.05, -0.36), (0.03, 0, -0.3))),
+    ("#6b7785", ((0, 0, 0.6), (-0.36, 0.05, -0.36), (-0.03, 0, -0.3))),
+    ("#dde2e8", ((0, 0, 0.45), (0, 0.24, -0.38), (0, 0, -0.3))),
 )
 
 
@@ -70,7 +71,7 @@ def plot_gimbal(order: str = "ZXY", degrees: Sequence[float] = (30, 40, -20), *,
                 lw=1.6,
                 zorder=6 if sign * end[2] > 0 else 2,
             )
-        _name_axle(ax, (1.36, 1.2, 1.02)[n] * axles[n] @ view.T, f"{letter}{'₁₂₃'[n]}", AXIS_COLOURS[letter])
+        _name_axle(ax, axles[n] @ view.T, n, f"{letter}{'₁₂₃'[n]}", AXIS_COLOURS[letter])
     turn = rot.quaternion_to_matrix(
         rot.euler_to_quaternion(torch.deg2rad(torch.tensor(degrees, dtype=torch.float32)), order)
     )
@@ -80,12 +81,19 @@ def plot_gimbal(order: str = "ZXY", degrees: Sequence[float] = (30, 40, -20), *,
     return picture
 
 
-def _name_axle(ax: object, place: np.ndarray, name: str, colour: str) -> None:
+def _name_axle(ax: object, axle: np.ndarray, n: int, name: str, colour: str) -> None:
+    """The name of the n-th axle, clear of the dart; dots lead to it from an axle that points at the viewer."""
     from matplotlib.patheffects import withStroke
 
+    far, least = _NAMES_AT[n]
+    flat = float(np.linalg.norm(axle[:2]))
+    place = axle[:2] / max(flat, 1e-6) * max(far * flat, least)
+    if least > far * flat:
+        ends = np.stack((1.16 * _RINGS[n] * axle[:2], place))
+        ax.plot(*ends.T, ":", color=colour, lw=1.4, zorder=8)
     halo = [withStroke(linewidth=3.5, foreground="white")]
     ax.text(
-        *place[:2],
+        *place,
         name,
         color=colour,
         fontsize=12,
@@ -126,7 +134,7 @@ def _draw_dart(ax: object, turn: np.ndarray) -> None:
     """The paper dart, turned by a matrix from its own axes to the viewer's."""
     from matplotlib.collections import PolyCollection
 
-    faces = [(np.float32(corners) @ turn.T, colours.SIDES[side]) for side, corners in _DART]
+    faces = [(np.float32(corners) @ turn.T, grey) for grey, corners in _DART]
     faces.sort(key=lambda face: face[0][:, 2].mean())
     fills = []
     for corners, colour in faces:
@@ -152,7 +160,7 @@ def write_numbers(picture: object, order: str, degrees: Sequence[float]) -> None
             )
 
     titles = (f"Euler angles, R = {' '.join(f'R{letter.lower()}' for letter in order)}", "unit quaternion  w x y z",
-              "matrix: its first two columns are the 6D", "freedom: volume spanned by the three axles")  # fmt: skip
+              "matrix: its first two columns are the 6D", "freedom of the three axles")  # fmt: skip
     for y, title in zip((0.92, 0.745, 0.57, 0.255), titles):
         picture.text(0.56, y, title, fontsize=8.5, color=SOFT, va="center")
     row(0.85, [f"{angle:.0f}°" for angle in degrees], [AXIS_COLOURS[letter] for letter in order])
@@ -164,10 +172,12 @@ def write_numbers(picture: object, order: str, degrees: Sequence[float]) -> None
         picture.add_artist(
             Rectangle((0.56, 0.175), 0.4 * width, 0.04, transform=picture.transFigure, color=colour, lw=0)
         )
+    for x, word, side in ((0.56, "empty: lock", "left"), (0.96, "full: all independent", "right")):
+        picture.text(x, 0.145, word, fontsize=8.5, color=SOFT, va="center", ha=side)
     if locked:
         picture.text(
             0.56,
-            0.1,
+            0.08,
             "gimbal lock: two axles fall together",
             fontsize=10.5,
             color=colours.CONTACT,

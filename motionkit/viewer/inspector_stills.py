@@ -97,6 +97,7 @@ def _skeleton(ax: object, pose: np.ndarray, look: dict, number: int) -> None:
 
 
 def _keys(ax: object, look: dict, now: np.ndarray, number: int) -> None:
+    """Columns are the body and its joints, named at the top in their side's colour; rows are components."""
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import LinearSegmentedColormap
 
@@ -111,13 +112,15 @@ def _keys(ax: object, look: dict, now: np.ndarray, number: int) -> None:
             boxes[n] = 0 if joint is None else joint + 1, top + (n - part["start"]) % many
         top += many + 0.5
     for z, spread in zip(now - np.array(look["means"]), look["spreads"]):
-        fills.append(blend(0.5 + np.clip(z / spread / 4, -0.5, 0.5)) if spread else "#e2e2e2")
+        fills.append(blend(0.5 + np.clip(z / spread / 4, -0.5, 0.5)) if spread else colours.NEVER)
     square = np.array([[0.05, 0.06], [0.95, 0.06], [0.95, 0.94], [0.05, 0.94]])
     ax.add_collection(PolyCollection(boxes[:, None] + square, facecolors=fills))
     chosen = {"facecolors": "none", "edgecolors": look["mark"], "linewidths": 2, "zorder": 4}
     ax.add_collection(PolyCollection([boxes[number] + square], **chosen))
-    ax.scatter(np.arange(look["joints"]) + 1.5, [-0.7] * look["joints"], c=look["colours"], s=10)
+    for n, (name, colour) in enumerate(zip(("body", *look["names"]), (INK, *look["colours"]))):
+        said = name.removeprefix("left_").removeprefix("right_")  # the colour tells the side
+        ax.text(n + 0.5, -0.3, said, ha="center", va="bottom", rotation=90, fontsize=6.5, color=colour)
     for y, text in ticks:
         ax.text(-0.2, y, text, ha="right", va="center", fontsize=6, color=SOFT)
-    ax.set(xlim=(-7.3, look["joints"] + 1.2), ylim=(top, -1.3))
+    ax.set(xlim=(-7.3, look["joints"] + 1.2), ylim=(top, -4.6))
     ax.set_axis_off()

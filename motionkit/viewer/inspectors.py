@@ -156,8 +156,8 @@ def feature_inspector(
 ) -> FeatureInspector:
     """The feature vector of a motion as keys, one a number: hover over one and its joint lights up.
 
-    Columns are joints, rows what is told of them; a key is orange above and blue below its mean over the clip, grey if
-    it never changes. Below stand the number's meaning and its curve. layout: of `mk.features`, HumanML3D if left out.
+    Columns are joints, rows what is told of them; a key is orange above and blue below its mean over the clip, nearly
+    white close to it, and grey if it never changes. Below stand the number's meaning and its curve. layout: of `mk.features`, HumanML3D if left out.
     number, frame: what to show first. `number` and `frame` are traits: set them and the picture follows.
 
     >>> import motionkit as mk
@@ -183,6 +183,7 @@ def feature_inspector(
         "floor": round(float(up.min()), 3),
         "tall": round(float(up.max() - up.min()), 3),
         "mark": colours.CONTACT,
+        "never": colours.NEVER,
     }
     frame = len(motion) // 3 if frame is None else frame
     return FeatureInspector(motion, points, look, values, _kind="features", frame=frame, number=number)

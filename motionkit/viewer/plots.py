@@ -290,7 +290,7 @@ def style_axes(ax: object, legend: bool = False) -> None:
     for label in (ax.xaxis.label, ax.yaxis.label):
         label.set(color=INK, fontsize=9.5)
     if legend:
-        ax.legend(frameon=False, fontsize=8.5, labelcolor=INK)
+        ax.legend(frameon=False, fontsize=8.5, labelcolor=INK, loc="lower right", bbox_to_anchor=(1, 0.99), ncols=4)
 
 
 def _axes(ax: object, inches: tuple[float, float]) -> tuple[object, object]:

@@ -1,6 +1,6 @@
 // Two ways to look at the numbers behind a motion: where it faces, from above, and one feature at a time.
 
-const INK = "#39424e", SOFT = "#7a8491", LINE = "#dde2e9", LABELS = 132;
+const INK = "#39424e", SOFT = "#7a8491", LINE = "#dde2e9", LABELS = 132, HEAD = 62;
 
 function floats(view) {
   const bytes = new Uint8Array(view.buffer ?? view, view.byteOffset ?? 0, view.byteLength);
@@ -178,7 +178,7 @@ class Features extends View {
     this.side = make(this.stage, "div", "mk-side");
     const rows = parts.reduce((sum, p) => sum + p.components.length, 0);
     this.cell = [Math.min(17, 400 / (this.look.joints + 1)), Math.min(17, 250 / rows)];
-    this.keys = board(this.side, LABELS + this.cell[0] * (this.look.joints + 1) + 4, 26 + rows * this.cell[1] + 8 * parts.length);
+    this.keys = board(this.side, LABELS + this.cell[0] * (this.look.joints + 1) + 4, HEAD + 4 + rows * this.cell[1] + 8 * parts.length);
     this.curve = board(this.side, LABELS + this.cell[0] * (this.look.joints + 1) + 4, 84);
     this.keys.canvas.onmousemove = this.keys.canvas.onclick = (event) => this.choose(event);
     const drag = (event) => { if (event.buttons || event.type === "click") this.put("frame", this.frameAt(event)); };
@@ -193,7 +193,7 @@ class Features extends View {
   place() {
     const { parts, joints_of } = this.look, [w, h] = this.cell;
     this.boxes = [];
-    let top = 22;
+    let top = HEAD;
     for (const part of parts) {
       const many = part.components.length;
       part.top = top;
@@ -246,17 +246,23 @@ class Features extends View {
   }
 
   paintKeys(g, frame, number) {
-    const { parts, size, means, spreads, colours, joints, joints_of, mark } = this.look, [w, h] = this.cell;
-    words(g, "body", LABELS + w / 2, 10, { size: 9, align: "center" });
-    for (let j = 0; j < joints; j++) disc(g, [LABELS + (j + 1.5) * w, 12], joints_of[number] === j ? 5 : 3, colours[j]);
+    const { parts, size, means, spreads, colours, joints, joints_of, mark, names, never } = this.look, [w, h] = this.cell;
+    for (let j = -1; j < joints; j++) {  // names of the columns, upright; the colour tells the side
+      const lit = (joints_of[number] ?? -1) === j, name = j < 0 ? "body" : names[j].replace(/^(left|right)_/, "");
+      g.save();
+      g.translate(LABELS + (j + 1.5) * w + 3.5, HEAD - 5);
+      g.rotate(-Math.PI / 2);
+      words(g, name, 0, 0, { colour: lit ? mark : j < 0 ? INK : colours[j], size: 10, weight: lit ? "700" : "400" });
+      g.restore();
+    }
     for (const part of parts) {
       words(g, part.name, 4, part.top + 0.5 * h + 4, { colour: INK, size: 12, weight: "600" });
       part.components.forEach((c, n) => words(g, c, LABELS - 6, part.top + (n + 0.5) * h + 3.5, { size: Math.min(10, h - 2), align: "right" }));
     }
     this.boxes.forEach(([x, y], n) => {
       const z = spreads[n] ? Math.max(-1, Math.min(1, (this.values[frame * size + n] - means[n]) / spreads[n] / 2)) : 0;
-      const far = z > 0 ? [221, 115, 49] : [43, 108, 168], part = Math.abs(z), base = spreads[n] ? 247 : 226;
-      g.fillStyle = `rgb(${far.map((v) => Math.round(base + (v - base) * part)).join()})`;
+      const far = z > 0 ? [221, 115, 49] : [43, 108, 168], part = Math.abs(z);
+      g.fillStyle = spreads[n] ? `rgb(${far.map((v) => Math.round(247 + (v - 247) * part)).join()})` : never;
       g.fillRect(x + 0.75, y + 0.75, w - 1.5, h - 1.5);
     });
     const [x, y] = this.boxes[number];
