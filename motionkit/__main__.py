@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
+import warnings
 import webbrowser
 from pathlib import Path
 
 from . import methods
 from .bvh import load, save
 from .errors import MotionKitError
+from .files import MotionKitWarning
 
 _UNIT_HELP = "metres in one unit of the file (0.01 for centimetres); guessed from the skeleton's size if left out"
 
@@ -26,14 +28,15 @@ def _parser() -> argparse.ArgumentParser:
 
     play = commands.add_parser("play", help="open BVH files in a 3D player, a web page that needs no network")
     play.add_argument("files", nargs="+", help="one or more BVH files, shown side by side")
-    play.add_argument("-o", "--output", help="where to write the page (default: beside the first file)")
+    play.add_argument("-o", "--output", help="the page to write, .html (default: FILE.play.html beside the first)")
     play.add_argument("--no-open", action="store_true", help="write the page, do not open a browser")
     play.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)
 
     stylize = commands.add_parser("stylize", help="give a motion the style of another one, and write BVH")
     stylize.add_argument("input", help="the motion to restyle, a BVH file")
+    stylize.add_argument("--style", required=True, help="the motion whose style it gets, a BVH file")
     stylize.add_argument(
-        "--style", required=True, help="the motion whose style it gets, a BVH file on the same skeleton"
+        "--strength", type=float, default=1.0, help="0 keeps the input, 1 is the style, 2 a caricature"
     )
     stylize.add_argument("-o", "--output", required=True, help="the BVH file to write")
     stylize.add_argument("--method", default="statistics", help=f"one of: {', '.join(methods.names())}")
@@ -62,16 +65,28 @@ def _play(args: argparse.Namespace) -> None:
     from .viewer import save_html
 
     motions = [load(f, args.metres_per_unit) for f in args.files]
-    page = save_html(motions, args.output or Path(args.files[0]).with_suffix(".html"))
+    output = _fresh(args.output or Path(args.files[0]).with_suffix(".play.html"), ".html", args.files)
+    page = save_html(motions, output)
     print(page)
     if not args.no_open:
         webbrowser.open(Path(page).resolve().as_uri())
 
 
 def _stylize(args: argparse.Namespace) -> None:
+    output = _fresh(args.output, ".bvh", [args.input, args.style])
     method = methods.load(args.method)
     content, style = load(args.input, args.metres_per_unit), load(args.style, args.metres_per_unit)
-    print(save(method.stylize(content, style=style), args.output))
+    print(save(method.stylize(content, style=style, strength=args.strength), output))
+
+
+def _fresh(output: str | Path, suffix: str, inputs: list[str]) -> Path:
+    """The file to write; refuses one that is read here, and names that would tell other programs something wrong."""
+    path = Path(output)
+    if any(path.resolve() == Path(f).resolve() for f in inputs):
+        raise MotionKitError(f"{path}: this file is read here and would be lost; write to another one with -o")
+    if path.suffix.lower() != suffix and not path.is_dir():
+        raise MotionKitError(f"{path}: what is written is a {suffix} file; name it so")
+    return path
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -82,7 +97,10 @@ def main(arguments: list[str] | None = None) -> int:
     """
     args = _parser().parse_args(arguments)
     try:
-        {"info": _info, "play": _play, "stylize": _stylize}[args.command](args)
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", MotionKitWarning)
+            warnings.showwarning = lambda message, *_: print(f"motionkit: {message}", file=sys.stderr)
+            {"info": _info, "play": _play, "stylize": _stylize}[args.command](args)
     except MotionKitError as error:
         print(f"motionkit: {error}", file=sys.stderr)
         return 2

@@ -38,6 +38,8 @@ def save(motion: Motion, path: str | os.PathLike) -> Path:
     >>> len(again)
     120
     """
+    if not isinstance(motion, Motion):
+        raise MotionKitError(f"save(motion, path): expected a Motion first; found {type(motion).__name__}")
     text = format_bvh(motion)
     unit = motion.metres_per_unit
     guess = guess_metres_per_unit(motion.skeleton, unit)

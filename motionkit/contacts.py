@@ -11,6 +11,8 @@ from . import rotations as rot
 from .errors import MotionKitError
 from .motion import Motion
 
+_STRETCH = 0.998  # of a leg's length: beyond it, a knee snaps straight within a frame
+
 
 def feet_of(motion: Motion, feet: Sequence[str] | None = None) -> list[int]:
     """Numbers of the foot joints: by name, or those that the skeleton's names tell (`Skeleton.feet`).
@@ -277,7 +279,7 @@ def _pelvis_drop(motion: Motion, legs: list, targets: list[Tensor], places: Tens
         length = (places[:, knee] - places[:, hip]).norm(dim=-1) + (places[:, ankle] - places[:, knee]).norm(dim=-1)
         gap = places[:, hip] - target
         level = (gap[:, 0] ** 2 + gap[:, 2] ** 2).clamp(max=0.81 * length**2)
-        allowed = torch.sqrt((0.99999 * length) ** 2 - level)
+        allowed = torch.sqrt((_STRETCH * length) ** 2 - level)
         drop = torch.maximum(drop, (gap[:, 1] - allowed).clamp(min=0))
     if float(drop.max()) <= 0:
         return drop

@@ -24,8 +24,10 @@ def read_bytes(path: str | os.PathLike) -> bytes:
     ...
     motionkit.errors.MotionKitError: nowhere.bvh: no such file; check the path (working folder and spelling)
     """
+    if not isinstance(path, str | os.PathLike) or not str(path):
+        raise MotionKitError(f"expected the path of a file; found {path!r}")
     try:
-        return Path(path).read_bytes()
+        return Path(path).expanduser().read_bytes()
     except FileNotFoundError:
         raise MotionKitError(f"{path}: no such file; check the path (working folder and spelling)") from None
     except IsADirectoryError:
@@ -46,7 +48,7 @@ def open_atomic(path: str | os.PathLike) -> Iterator[BinaryIO]:
     ...     (Path(folder) / "a.bin").stat().st_size
     5
     """
-    path = Path(path)
+    path = _target(path)
     temporary = None
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{path.name[:40]}.", dir=path.parent)
@@ -57,10 +59,23 @@ def open_atomic(path: str | os.PathLike) -> Iterator[BinaryIO]:
         os.chmod(temporary, 0o666 & ~umask)  # mkstemp makes private files; a result should be readable as usual
         os.replace(temporary, path)
     except OSError as error:
-        raise MotionKitError(f"{path}: cannot be written: {error}; check that the folder exists and has room") from None
+        message = f"{path}: cannot be written: {error.strerror or error}; is the folder yours, and has it room?"
+        raise MotionKitError(message) from None
     finally:
         if temporary and os.path.exists(temporary):
             os.unlink(temporary)
+
+
+def _target(path: str | os.PathLike) -> Path:
+    """A path that a file can be written to; MotionKitError says why not."""
+    if not isinstance(path, str | os.PathLike) or not str(path):
+        raise MotionKitError(f"expected the path of a file to write; found {path!r}")
+    path = Path(path)
+    if path.is_dir():
+        raise MotionKitError(f"{path}: cannot be written: this is a folder; give a file in it")
+    if not path.parent.is_dir():
+        raise MotionKitError(f"{path}: cannot be written: there is no folder {path.parent}; make it first")
+    return path
 
 
 def write_atomic(path: str | os.PathLike, content: str | bytes) -> Path:

@@ -136,8 +136,8 @@ class Motion:
 
         The first frame stays; the last one is the last time that both rates share or precede.
         """
-        if not fps > 0:
-            raise MotionKitError(f"cannot resample to {fps} fps; give a rate above 0")
+        if not isinstance(fps, int | float) or not fps > 0:
+            raise MotionKitError(f"cannot resample to {fps!r} fps; give a number above 0")
         if not len(self) or fps == self.fps:
             return self.replace(fps=float(fps))
         count = int((len(self) - 1) / self.fps * fps + 1e-6) + 1

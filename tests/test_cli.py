@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -35,7 +36,7 @@ def test_play_writes_a_page_without_network(tmp_path, capsys):
         (["stylize", "data/walk_neutral.bvh", "--style", "README.md", "-o", "x.bvh"], "README.md"),
         (
             ["stylize", "data/walk_neutral.bvh", "--style", "data/walk_old.bvh", "-o", "no/such/folder/x.bvh"],
-            "cannot be written",
+            "there is no folder",
         ),
         (
             ["stylize", "data/walk_neutral.bvh", "--style", "data/walk_old.bvh", "-o", "x.bvh", "--method", "magic"],
@@ -47,6 +48,39 @@ def test_errors_are_one_line_and_exit_code_2(arguments, part, capsys):
     assert main(arguments) == 2
     error = capsys.readouterr().err
     assert part in error and error.count("\n") == 1 and "Traceback" not in error
+
+
+def test_nothing_that_is_read_gets_overwritten(tmp_path, capsys):
+    clip = tmp_path / "clip.bvh"
+    clip.write_bytes(Path("data/walk_neutral.bvh").read_bytes())
+    before = clip.read_bytes()
+    for arguments, part in (
+        (["stylize", str(clip), "--style", "data/walk_old.bvh", "-o", str(clip)], "would be lost"),
+        (["stylize", "data/walk_old.bvh", "--style", str(clip), "-o", str(clip)], "would be lost"),
+        (["stylize", str(clip), "--style", "data/walk_old.bvh", "-o", str(tmp_path / "x.fbx")], "a .bvh file"),
+        (["play", str(clip), "--no-open", "-o", str(clip)], "would be lost"),
+        (["play", str(clip), "--no-open", "-o", str(tmp_path)], "this is a folder"),
+    ):
+        assert main(arguments) == 2
+        assert part in capsys.readouterr().err
+    assert clip.read_bytes() == before and [p.name for p in tmp_path.iterdir()] == ["clip.bvh"]
+    assert main(["play", str(clip), "--no-open"]) == 0
+    assert (tmp_path / "clip.play.html").is_file()
+
+
+def test_strength_and_warnings_on_the_command_line(tmp_path, capsys):
+    text = Path("data/walk_neutral.bvh").read_text().replace("Frames: 120", "Frames: 130")
+    (tmp_path / "off.bvh").write_text(text)
+    out = tmp_path / "out.bvh"
+    assert (
+        main(
+            ["stylize", str(tmp_path / "off.bvh"), "--style", "data/walk_old.bvh", "--strength", "0.5", "-o", str(out)]
+        )
+        == 0
+    )
+    error = capsys.readouterr().err
+    assert error.startswith("motionkit: ") and "disagrees" in error and "load(" not in error
+    assert len(mk.load(out)) == 120
 
 
 @pytest.mark.parametrize("command", [[], ["info"], ["play"], ["stylize"]])

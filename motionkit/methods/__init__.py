@@ -29,6 +29,6 @@ def load(name: str):
     if name not in _METHODS:
         near = difflib.get_close_matches(str(name), _METHODS, 1, 0.3)
         hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise MotionKitError(f"no method {name!r}{hint} Known: {', '.join(names())}")
+        raise MotionKitError(f"no method {name!r}{hint or '.'} Known: {', '.join(names())}")
     module, cls = _METHODS[name]
     return getattr(importlib.import_module(f".{module}", __name__), cls)()

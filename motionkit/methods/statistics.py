@@ -97,6 +97,8 @@ class Statistics:
         return content.with_body(body).replace(name=f"{content.name} as {style.name}")
 
     def _check(self, content: Motion, style: Motion) -> None:
+        if not isinstance(content, Motion):
+            raise MotionKitError(f"the content must be a Motion, such as mk.load('walk.bvh'); found {content!r}")
         if not isinstance(style, Motion):
             raise MotionKitError(
                 f"statistics transfer takes its style from a motion: stylize(content, style=mk.load('style.bvh')); "

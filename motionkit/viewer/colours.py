@@ -25,7 +25,7 @@ CYCLE = ("#62b5e5", "#edc53f", "#2f9e77", "#c77ba8", "#d3622b", "#5b5ea6", "#9c9
 _DEEP = {ROLES["result"]: "#c8901f"}
 
 CONTACT = "#c2417c"
-NEVER = "#b4bac2"  # a number that does not change
+NEVER = "#9c9c9c"  # a number that does not change
 
 
 def mix(colour: str, other: str, share: float) -> str:

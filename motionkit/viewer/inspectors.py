@@ -157,8 +157,9 @@ def feature_inspector(
     """The feature vector of a motion as keys, one a number: hover over one and its joint lights up.
 
     Columns are joints, rows what is told of them; a key is orange above and blue below its mean over the clip, nearly
-    white close to it, and grey if it never changes. Below stand the number's meaning and its curve. layout: of `mk.features`, HumanML3D if left out.
-    number, frame: what to show first. `number` and `frame` are traits: set them and the picture follows.
+    white close to it, and grey if it never changes. Below stand the number's meaning and its curve. layout: of
+    `mk.features`, HumanML3D if left out. number, frame: what to show first. `number` and `frame` are traits: set them
+    and the picture follows.
 
     >>> import motionkit as mk
     >>> view = feature_inspector(mk.load("data/walk_neutral.bvh"), mk.features.HumanML3D(), number=14)

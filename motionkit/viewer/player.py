@@ -6,7 +6,6 @@ import base64
 import html
 import json
 import os
-import tempfile
 import uuid
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +14,7 @@ import anywidget
 import traitlets
 
 from ..errors import MotionKitError
+from ..files import write_atomic
 from .body import as_list, figures, per_motion
 from .pack import contact_marks, inline, pack
 
@@ -243,7 +243,6 @@ def save_html(
 
 
 def _write_page(data: bytes, path: str | os.PathLike, title: str, values: dict) -> Path:
-    path = Path(path)
     page = (_JS / "page.html").read_text(encoding="utf-8")
     filled = {
         "title": html.escape(title),
@@ -254,15 +253,4 @@ def _write_page(data: bytes, path: str | os.PathLike, title: str, values: dict) 
     }
     for name, text in filled.items():
         page = page.replace(f"<!--{name}-->", text, 1)
-    if not path.parent.is_dir():
-        raise MotionKitError(f"{path}: there is no folder {path.parent}; make it first")
-    handle, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(page)
-        os.chmod(draft, 0o644)
-        os.replace(draft, path)
-    except BaseException:
-        Path(draft).unlink(missing_ok=True)
-        raise
-    return path
+    return write_atomic(path, page)
