@@ -279,7 +279,9 @@ def _pelvis_drop(motion: Motion, legs: list, targets: list[Tensor], places: Tens
         length = (places[:, knee] - places[:, hip]).norm(dim=-1) + (places[:, ankle] - places[:, knee]).norm(dim=-1)
         gap = places[:, hip] - target
         level = (gap[:, 0] ** 2 + gap[:, 2] ** 2).clamp(max=0.81 * length**2)
-        allowed = torch.sqrt((_STRETCH * length) ** 2 - level)
+        straight = (places[:, ankle] - places[:, hip]).norm(dim=-1)  # a leg that was straighter may stay so
+        most = torch.maximum(_STRETCH * length, straight).minimum(0.99999 * length)
+        allowed = torch.sqrt(most**2 - level)
         drop = torch.maximum(drop, (gap[:, 1] - allowed).clamp(min=0))
     if float(drop.max()) <= 0:
         return drop
