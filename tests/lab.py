@@ -53,6 +53,11 @@ def browser() -> Iterator[object]:
             found.close()
 
 
+def changed(before: object, after: object) -> float:
+    """Share of pixels that differ by more than a shade."""
+    return float((abs(before - after).max(axis=-1) > 12).mean())
+
+
 def write_notebook(path: Path, *cells: str) -> Path:
     """Writes a notebook of code cells, not run."""
     import nbformat.v4 as v4

@@ -5,7 +5,6 @@ import shutil
 from pathlib import Path
 
 import lab
-import numpy as np
 import pytest
 
 import motionkit as mk
@@ -26,11 +25,6 @@ pytestmark = [
 
 def ours(errors: list[str]) -> list[str]:
     return [e for e in errors if not any(text in e for text in OTHERS)]
-
-
-def changed(before: np.ndarray, after: np.ndarray) -> float:
-    """Share of pixels that differ by more than a shade."""
-    return float((np.abs(before - after).max(axis=-1) > 12).mean())
 
 
 def state(page: object, what: str) -> object:
@@ -93,7 +87,7 @@ def test_the_player_moves_in_jupyterlab(page, capsys):
     assert state(page.raw, "stats.kind") == "GlView", state(page.raw, "stats.why")
     first = page.pixels(CANVAS)
     page.raw.wait_for_timeout(700)
-    assert changed(first, page.pixels(CANVAS)) > 0.005
+    assert lab.changed(first, page.pixels(CANVAS)) > 0.005
     rate, busy = frame_rate(page.raw)
     with capsys.disabled():
         print(f"\nfour characters in JupyterLab: {rate:.0f} pictures a second, {busy:.1f} ms of JavaScript each")
@@ -107,7 +101,7 @@ def test_keys_pause_and_step(page):
     page.raw.wait_for_timeout(800)
     still = page.pixels(CANVAS)
     page.raw.wait_for_timeout(700)
-    assert changed(still, page.pixels(CANVAS)) == 0
+    assert lab.changed(still, page.pixels(CANVAS)) == 0
     steps = {"End": lambda n: state(page.raw, "stage.frames") - 1, "Home": lambda n: 0, "ArrowRight": lambda n: n + 1}
     steps |= {"Shift+ArrowRight": lambda n: n + 10, "ArrowLeft": lambda n: n - 1}
     for key, goal in steps.items():
@@ -121,7 +115,7 @@ def test_the_slider_moves_the_picture_and_python_hears_of_it(page):
     box = page.raw.locator(".mk-scrub").bounding_box()
     page.raw.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     page.raw.wait_for_timeout(800)
-    assert changed(before, page.pixels(CANVAS)) > 0.005
+    assert lab.changed(before, page.pixels(CANVAS)) > 0.005
     middle = state(page.raw, "frame()")
     assert abs(middle - state(page.raw, "stage.frames") / 2) < 6
     page.run_cell(2)
@@ -136,11 +130,11 @@ def test_python_moves_the_picture_and_replaces_what_it_shows(page):
     page.raw.wait_for_timeout(600)
     assert state(page.raw, "frame()") == 7
     seventh = page.pixels(CANVAS)
-    assert changed(before, seventh) > 0.005
+    assert lab.changed(before, seventh) > 0.005
     rewrite(page.raw, 2, "player.motions = [m.mirror() for m in reversed(motions)]")
     page.run_cell(2)
     page.raw.wait_for_timeout(1000)
-    assert changed(seventh, page.pixels(CANVAS)) > 0.005 and state(page.raw, "frame()") == 7
+    assert lab.changed(seventh, page.pixels(CANVAS)) > 0.005 and state(page.raw, "frame()") == 7
     rewrite(page.raw, 2, "player.playing, player.speed = True, 2.0")
     page.run_cell(2)
     page.raw.wait_for_timeout(1000)
@@ -179,7 +173,7 @@ def test_a_scene_in_jupyterlab(folder, chromium, tmp_path):
         before = page.pixels(".js-plotly-plot")
         page.raw.locator(".updatemenu-button").first.click()
         page.raw.wait_for_timeout(2500)
-        assert changed(before, page.pixels(".js-plotly-plot")) > 0.002
+        assert lab.changed(before, page.pixels(".js-plotly-plot")) > 0.002
         page.shot(tmp_path / "scene.png")
         assert ours(page.errors) == []
 
@@ -235,4 +229,4 @@ def test_without_webgl_the_player_draws_on_a_plain_canvas(chromium, tmp_path):
     after = lab.Page(page).pixels(CANVAS)
     page.screenshot(path=str(tmp_path / "flat.png"))
     page.close()
-    assert after.std() > 5 and changed(before, after) > 0.003
+    assert after.std() > 5 and lab.changed(before, after) > 0.003

@@ -4,7 +4,6 @@ import shutil
 from pathlib import Path
 
 import lab
-import numpy as np
 import pytest
 
 import motionkit as mk
@@ -15,11 +14,6 @@ pytestmark = [
     pytest.mark.skipif(bool(lab.missing()), reason=lab.missing() or "all there"),
     pytest.mark.filterwarnings("default"),
 ]
-
-
-def moved(before: np.ndarray, after: np.ndarray) -> float:
-    """Share of pixels that differ by more than a shade."""
-    return float((np.abs(before - after).max(axis=-1) > 12).mean())
 
 
 @pytest.fixture
@@ -42,7 +36,7 @@ def test_the_tour_runs_and_its_mixer_moves_the_picture(folder):
         canvas = "#mixer .mk-view canvas"
         first = page.pixels(canvas)
         page.raw.wait_for_timeout(800)
-        assert moved(first, page.pixels(canvas)) > 0.003  # it plays
+        assert lab.changed(first, page.pixels(canvas)) > 0.003  # it plays
         mixer.focus()
         for key in ("Space", "Home"):
             page.raw.keyboard.press(key)
@@ -52,7 +46,7 @@ def test_the_tour_runs_and_its_mixer_moves_the_picture(folder):
         for _ in range(5):
             page.raw.keyboard.press("ArrowRight")
         page.raw.wait_for_timeout(2500)
-        assert moved(still, page.pixels(canvas)) > 0.003  # the slider restyles
+        assert lab.changed(still, page.pixels(canvas)) > 0.003  # the slider restyles
 
 
 @pytest.mark.captures
@@ -78,5 +72,5 @@ def test_captures_play_get_restyled_and_written_in_jupyterlab(captures_dir, tmp_
         page.raw.wait_for_timeout(2000)
         first = page.pixels(".mk-view canvas")
         page.raw.wait_for_timeout(900)
-        assert moved(first, page.pixels(".mk-view canvas")) > 0.003
+        assert lab.changed(first, page.pixels(".mk-view canvas")) > 0.003
     assert len(mk.load(tmp_path / "result3.bvh")) == len(mk.load(tmp_path / names[3]))

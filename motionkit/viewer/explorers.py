@@ -21,7 +21,7 @@ from . import colours
 from .body import figures
 from .drawing import draw_figure, draw_floor, view_axes
 from .gimbal import AXIS_COLOURS, plot_gimbal, write_numbers
-from .plots import SOFT, _axes
+from .plots import SOFT, _axes, few_colours
 
 ORDERS = ("ZXY", "ZYX", "XYZ", "XZY", "YXZ", "YZX", "ZXZ", "ZYZ", "XYX", "XZX", "YXY", "YZY")
 
@@ -83,7 +83,7 @@ class Explorer(ipywidgets.VBox):
         bundle = super()._repr_mimebundle_(**more) or {}
         return {
             **bundle,
-            "image/png": base64.b64encode(_small(self.png)).decode(),
+            "image/png": base64.b64encode(few_colours(io.BytesIO(self.png))).decode(),
             "text/plain": "(sliders: run this cell)",
         }
 
@@ -92,16 +92,6 @@ def _png(picture: object) -> bytes:
     raw = io.BytesIO()
     picture.savefig(raw, format="png", facecolor="white", pil_kwargs={"compress_level": 1})
     return raw.getvalue()
-
-
-def _small(png: bytes) -> bytes:
-    """The same picture in 128 colours, a third of the size."""
-    from PIL import Image
-
-    small = io.BytesIO()
-    flat = Image.open(io.BytesIO(png)).convert("RGB").quantize(128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    flat.save(small, format="png", optimize=True)
-    return small.getvalue()
 
 
 def rotation_explorer(order: str = "ZXY", degrees: Sequence[float] = (35, 50, -20)) -> Explorer:

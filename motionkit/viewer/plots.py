@@ -23,7 +23,7 @@ class Print(Picture):
     def _repr_png_(self) -> bytes:
         raw = io.BytesIO()
         self.savefig(raw, format="png", facecolor="white")
-        return _few_colours(raw)
+        return few_colours(raw)
 
     def _ipython_display_(self) -> None:
         """Goes before the way in which pyplot, once imported, shows figures: its pictures are ten times as large."""
@@ -177,7 +177,7 @@ def _frame_still(ax: object, seen: np.ndarray, size: float) -> None:
 
 def still_png(motions: object, frame: int = 0, *, pixels: tuple[int, int] = (760, 380), **shown: object) -> bytes:
     """`still` as the bytes of a PNG with 128 colours, 10 to 30 KB. pixels: width and height."""
-    return _few_colours(_draw(motions, frame, pixels, shown))
+    return few_colours(_draw(motions, frame, pixels, shown))
 
 
 def still_jpeg(motions: object, frame: int = 0, *, pixels: tuple[int, int] = (760, 380), **shown: object) -> bytes:
@@ -197,7 +197,7 @@ def _draw(motions: object, frame: int, pixels: tuple[int, int], shown: dict) -> 
     return raw
 
 
-def _few_colours(raw: io.BytesIO) -> bytes:
+def few_colours(raw: io.BytesIO) -> bytes:
     """A PNG with a palette: a quarter of the size, and no difference to the eye in drawings like these."""
     from PIL import Image
 
