@@ -140,9 +140,13 @@ class Lab:
         with nullcontext(chromium) if chromium else browser() as found:
             raw = found.new_page(viewport={"width": width, "height": height})
             page = Page(raw)
-            raw.goto(f"http://127.0.0.1:{self.port}/lab/tree/{notebook}?token={self.token}&reset")
-            raw.wait_for_selector(".jp-Notebook .jp-Cell", timeout=90000)
-            raw.wait_for_timeout(2500)
+            address = f"http://127.0.0.1:{self.port}/lab/tree/{notebook}?token={self.token}&reset"
+            raw.goto(address)
+            if not page.ready(45):  # a kernel whose first answer got lost stays "connecting": a person reloads
+                raw.goto(address)
+                if not page.ready(90):
+                    raise RuntimeError(f"{notebook}: no kernel got ready; see {self.log.name}; {page.errors[-5:]}")
+            raw.wait_for_timeout(1000)
             yield page
             raw.close()
 
@@ -155,6 +159,17 @@ class Page:
         raw.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
         raw.on("pageerror", lambda e: self.errors.append(str(e)))
 
+    def ready(self, seconds: float) -> bool:
+        """Waits until the cells are there and the kernel is idle; whether that happened in time."""
+        from playwright.sync_api import TimeoutError
+
+        try:
+            self.raw.wait_for_selector(".jp-Notebook .jp-Cell", timeout=90000)
+            self.raw.wait_for_selector(".jp-Notebook-ExecutionIndicator[data-status='idle']", timeout=1000 * seconds)
+        except TimeoutError:
+            return False
+        return True
+
     def menu(self, *names: str) -> None:
         """Clicks through the menu bar, such as menu("Run", "Run All Cells")."""
         for name in names:
@@ -166,17 +181,28 @@ class Page:
         self.wait_done(seconds)
 
     def wait_done(self, seconds: float = 120) -> None:
-        """Waits until every code cell that is not empty has a number."""
+        """Waits until every code cell that is not empty has a number; a cell's error ends the wait at once."""
         end = time.time() + seconds
         while time.time() < end:
             self.raw.wait_for_timeout(400)
-            prompts = self.raw.locator(".jp-CodeCell .jp-InputPrompt").all_inner_texts()
-            if prompts and all(p.strip("[]: \n").isdigit() for p in prompts):
-                failed = self.raw.locator(".jp-OutputArea-output[data-mime-type='application/vnd.jupyter.error']")
-                if failed.count():
-                    raise RuntimeError(failed.first.inner_text()[-3000:])
+            failed = self.raw.locator(".jp-OutputArea-output[data-mime-type='application/vnd.jupyter.error']")
+            if failed.count():
+                raise RuntimeError(failed.first.inner_text()[-3000:])
+            prompts = self._prompts()
+            if prompts and all(p.isdigit() for p in prompts):
                 return
-        raise RuntimeError(f"the notebook was not done after {seconds} s")
+        raise RuntimeError(
+            f"the notebook was not done after {seconds} s; kernel {self._kernel()}, cells "
+            f"{' '.join(p or '-' for p in self._prompts())}; the browser said: {self.errors[-5:]}"
+        )
+
+    def _prompts(self) -> list[str]:
+        """What stands beside each code cell: a number once it has run, `*` while it waits, nothing before."""
+        return [p.strip("[]: \n") for p in self.raw.locator(".jp-CodeCell .jp-InputPrompt").all_inner_texts()]
+
+    def _kernel(self) -> str:
+        """The kernel's state as JupyterLab shows it: connecting, idle, busy, dead, ..."""
+        return self.raw.locator(".jp-Notebook-ExecutionIndicator").first.get_attribute("data-status") or "unknown"
 
     def run_cell(self, number: int, seconds: float = 60) -> None:
         """Runs one code cell again, counted from 0, and waits for its new number."""
