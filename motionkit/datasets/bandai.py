@@ -1,4 +1,4 @@
-"""Bandai-Namco-Research-Motiondataset: where its clips are, and what their names and labels say.
+"""Bandai-Namco-Research-Motiondataset 1 and 2: where the clips are, and what their names and label files say.
 
 Licence of the data: CC BY-NC 4.0, (c) Bandai Namco Research Inc. Cite Kobayashi et al. 2023, "Motion Capture
 Dataset for Practical Use of AI-based Motion Editing and Stylization".
@@ -6,119 +6,132 @@ Dataset for Practical Use of AI-based Motion Editing and Stylization".
 
 from __future__ import annotations
 
+import json
 import os
 import re
-import zipfile
 from collections.abc import Iterable
-from pathlib import Path
 
 from ..errors import MotionKitError
-from .dataset import Labels
-from .store import Source
+from .captions import captions
+from .places import File, Wanted, find, texts, unique
+from .sources import Item, Labels
 
 FILE_PREFIXES = {"bandai-1": "dataset-1", "bandai-2": "dataset-2"}
 _ADDRESS = "https://github.com/BandaiNamcoResearchInc/Bandai-Namco-Research-Motiondataset"
+
+# The labels in the order of their numbers, as the data sets' own tables (cfg/*_label.txt) have them.
+LABELS = {
+    "bandai-1": {
+        "content": "walk run dash walk-back walk-left walk-right bow bye guide byebye respond call punch kick slash "
+        "dance-long dance-short",
+        "style": "normal happy sad angry proud not-confident masculinity feminine childish old tired active musical "
+        "giant chimpira",
+    },
+    "bandai-2": {
+        "content": "walk walk-turn-left walk-turn-right run wave-both-hands wave-left-hand wave-right-hand "
+        "raise-up-both-hands raise-up-left-hand raise-up-right-hand",
+        "style": "active elderly exhausted feminine masculine normal youthful",
+    },
+}
+
+# What someone is doing, twice in different words.
 _DOING = {
-    "bow": "bowing",
-    "bye": "waving goodbye",
-    "byebye": "waving goodbye",
-    "call": "calling someone over",
-    "dance-long": "dancing",
-    "dance-short": "dancing",
-    "dash": "dashing",
-    "guide": "showing the way",
-    "kick": "kicking",
-    "punch": "punching",
-    "respond": "responding",
-    "run": "running",
-    "slash": "slashing with a sword",
-    "walk": "walking",
-    "walk-back": "walking backwards",
-    "walk-left": "walking to the left",
-    "walk-right": "walking to the right",
-    "walk-turn-left": "walking and turning left",
-    "walk-turn-right": "walking and turning right",
+    "bow": ("bowing", "bending down in a greeting"),
+    "bye": ("waving goodbye", "saying goodbye with a wave"),
+    "byebye": ("waving goodbye again and again", "waving someone off"),
+    "call": ("calling someone over", "beckoning"),
+    "dance-long": ("dancing for a while", "doing a long dance"),
+    "dance-short": ("dancing", "doing a short dance"),
+    "dash": ("dashing", "sprinting"),
+    "guide": ("showing the way", "pointing someone along"),
+    "kick": ("kicking", "throwing a kick"),
+    "punch": ("punching", "throwing a punch"),
+    "respond": ("responding", "answering with a gesture"),
+    "run": ("running", "jogging along"),
+    "slash": ("slashing with a sword", "swinging a blade"),
+    "walk": ("walking", "going on foot"),
+    "walk-back": ("walking backwards", "stepping back"),
+    "walk-left": ("walking to the left", "stepping to the left"),
+    "walk-right": ("walking to the right", "stepping to the right"),
+    "walk-turn-left": ("walking and turning left", "taking a left turn on foot"),
+    "walk-turn-right": ("walking and turning right", "taking a right turn on foot"),
 }
 
 
 def how_to_get(name: str) -> str:
-    """What to do when the data are not there."""
+    """What to do when the data are not there.
+
+    >>> how_to_get("bandai-2")
+    "get bandai-2 with datasets.fetch('bandai-2'), with `git clone https://github.com/Ban...
+    """
+    fetch = f"with datasets.fetch({name!r}), " if name == "bandai-2" else ""
     return (
-        f"get {name} with `git clone {_ADDRESS}` or as the zip from there (licence CC BY-NC 4.0), then give "
+        f"get {name} {fetch}with `git clone {_ADDRESS}` or as the zip from there (licence CC BY-NC 4.0), then give "
         f"datasets.load({name!r}, root=FOLDER_OR_ZIP) or set MOTIONKIT_DATA to that folder or zip"
     )
 
 
 def labels(clip: str) -> Labels:
-    """Content, style and a sentence from a clip's name.
+    """Content, style and sentences from a clip's name; each clip is a take of its own.
 
-    >>> labels("dataset-2_wave-left-hand_elderly_001")
-    Labels(content='wave-left-hand', style='elderly', text='a person is waving the left hand in an elderly
-    style')
+    >>> found = labels("dataset-2_wave-left-hand_elderly_001")
+    >>> found.content, found.style, found.texts[0]
+    ('wave-left-hand', 'elderly', 'a person is waving the left hand in old age')
     """
     content, style = clip.split("_")[1:3]
-    article = "an" if style[0] in "aeiou" else "a"
-    return Labels(content, style, f"a person is {_doing(content)} in {article} {style} style")
+    return Labels(content, style, captions(*_doing(content), style), take=clip)
 
 
-def _doing(content: str) -> str:
+def _doing(content: str) -> tuple[str, str]:
     match = re.fullmatch(r"(wave|raise-up)-(both|left|right)-hands?", content)
     if match is None:
-        return _DOING.get(content, f"doing {content.replace('-', ' ')}")
-    verb = {"wave": "waving", "raise-up": "raising"}[match[1]]
-    return f"{verb} both hands" if match[2] == "both" else f"{verb} the {match[2]} hand"
+        words = content.replace("-", " ")
+        return _DOING.get(content, (f"doing {words}", f"performing {words}"))
+    verb, again = {"wave": ("waving", "swinging"), "raise-up": ("raising", "lifting up")}[match[1]]
+    hands = "both hands" if match[2] == "both" else f"the {match[2]} hand"
+    return f"{verb} {hands}", f"{again} {hands}"
 
 
-def find(name: str, root: str | os.PathLike | None) -> list[Source]:
-    """The clips of a dataset below a folder, in a zip, or in a zip in the folder; sorted by name."""
-    given = root if root is not None else os.environ.get("MOTIONKIT_DATA")
-    if not given:
-        raise MotionKitError(f"where is {name}? No root is given and MOTIONKIT_DATA is not set; {how_to_get(name)}")
-    place = Path(given).expanduser()
-    if not place.exists():
-        raise MotionKitError(f"{place}: no such file or folder; {how_to_get(name)}")
-    if place.is_dir():
-        found = _unique(_in_folder(name, place)) or next(
-            filter(None, (_unique(_in_zip(name, path)) for path in sorted(place.glob("*.zip")))), []
-        )
-    else:
-        found = _unique(_in_zip(name, place))
-    if not found:
-        pattern = f"{FILE_PREFIXES[name]}_CONTENT_STYLE_NNN.bvh"
-        raise MotionKitError(f"{place}: no clips of {name} here ({pattern}); {how_to_get(name)}")
-    return found
+def items(name: str, root: str | os.PathLike | None = None) -> list[Item]:
+    """The clips of `bandai-1` or `bandai-2`, sorted by name, with labels from their names.
+
+    root: a folder with the clips somewhere below it, or the archive's zip; see `places.find`. Where a clip's label
+    file lies beside it, MotionKitError if that says something else than the name.
+
+    >>> items("bandai-2", "data")
+    Traceback (most recent call last):
+    ...
+    motionkit.errors.MotionKitError: data: no clips of bandai-2 here (dataset-2_CONTENT_STYLE_NNN.bvh); ...
+    """
+    prefix = FILE_PREFIXES[name]
+    clip = re.escape(prefix) + r"_[^_/\\]+_[^_/\\]+_\d+\."
+    shape = f"{prefix}_CONTENT_STYLE_NNN.bvh"
+    wanted = Wanted(name, re.compile(clip + "bvh"), shape, how_to_get(name), re.compile(clip + "json"))
+    files = find(wanted, root)
+    clips = unique(f for f in files if f.name.endswith(".bvh"))
+    beside = {f.place.removesuffix(".bvh") + ".json" for f in clips}
+    _check_numbers(name, [f for f in files if f.place in beside])
+    return [Item(file.stem, labels(file.stem), file.bvh()) for file in clips]
 
 
-def _pattern(name: str) -> re.Pattern:
-    return re.compile(re.escape(FILE_PREFIXES[name]) + r"_[^_/\\]+_[^_/\\]+_\d+\.bvh")
-
-
-def _unique(sources: Iterable[Source]) -> list[Source]:
-    """One of each name (the data may lie there twice), in the order of names."""
-    found: dict[str, Source] = {}
-    for source in sorted(sources, key=lambda s: (s.name, s.path)):
-        found.setdefault(source.name, source)
-    return list(found.values())
-
-
-def _in_folder(name: str, folder: Path) -> Iterable[Source]:
-    pattern = _pattern(name)
-    for path in folder.rglob(f"{FILE_PREFIXES[name]}_*.bvh"):
-        if pattern.fullmatch(path.name) and path.is_file():
-            state = path.stat()
-            yield Source(path.stem, str(path), None, state.st_size, state.st_mtime_ns)
-
-
-def _in_zip(name: str, path: Path) -> Iterable[Source]:
-    pattern = _pattern(name)
-    try:
-        with zipfile.ZipFile(path) as archive:
-            members = archive.infolist()
-    except (OSError, zipfile.BadZipFile) as error:
-        raise MotionKitError(
-            f"{path}: neither a folder nor a whole zip archive ({error}); {how_to_get(name)}"
-        ) from None
-    for member in members:
-        file = member.filename.rsplit("/", 1)[-1]
-        if pattern.fullmatch(file):
-            yield Source(file[: -len(".bvh")], str(path), member.filename, member.file_size, member.CRC)
+def _check_numbers(name: str, files: Iterable[File]) -> None:
+    """A MotionKitError unless each label file gives the numbers of the labels in its own name."""
+    numbers = {kind: {label: n for n, label in enumerate(words.split())} for kind, words in LABELS[name].items()}
+    for file, text in texts(files):
+        try:
+            found = dict(json.loads(text))
+        except (ValueError, TypeError) as error:
+            raise MotionKitError(
+                f'{file.where}: expected label numbers such as {{"content": 6, "style": 2}}; found {text[:40]!r} '
+                f"({error}); get the file again"
+            ) from None
+        for kind, label in zip(("content", "style"), file.stem.split("_")[1:3]):
+            number, known = found.get(kind), numbers[kind]
+            if kind not in found or (label not in known and number not in known.values()):
+                continue  # someone's own clips may have labels of their own
+            if number != known.get(label):
+                told = next((f" ({word})" for word, n in known.items() if n == number), "")
+                raise MotionKitError(
+                    f"{file.where}: its name says {kind} {label!r}, which is number {known.get(label, 'of no other')}; "
+                    f"it gives number {number!r}{told}; rename the clip or mend its label file"
+                )
