@@ -1,4 +1,4 @@
-"""Labelled clips to learn from: `load` reads a dataset once, then keeps it in one memory-mapped file.
+"""Labelled motion to learn from: `load` reads a dataset once, then keeps it in one memory-mapped file.
 
 >>> load("bandai-2", root="nowhere")
 Traceback (most recent call last):
@@ -8,40 +8,112 @@ motionkit.errors.MotionKitError: nowhere: no such file or folder; ...
 
 from __future__ import annotations
 
+import importlib
 import os
+from collections.abc import Sequence
 
 from ..errors import MotionKitError
-from . import bandai
+from .batches import BalancedSampler, Batch, batches, collate
+from .corpus import Corpus, build_cache
 from .dataset import Clip, Dataset
+from .sources import BvhSource, Item, Labels, Recording
+from .splits import Split
 from .store import open_store
+from .tables import Table
+from .windows import Window, Windows
 
-__all__ = ["Clip", "Dataset", "load", "names"]
+__all__ = [
+    "BalancedSampler",
+    "Batch",
+    "BvhSource",
+    "Clip",
+    "Corpus",
+    "Dataset",
+    "Item",
+    "Labels",
+    "Recording",
+    "Split",
+    "Table",
+    "Window",
+    "Windows",
+    "batches",
+    "build_cache",
+    "collate",
+    "items_of",
+    "load",
+    "names",
+    "of_items",
+]
+
+# dataset -> the module here whose `items(name, root, ...)` lists its clips
+_READERS = {
+    "100style": "style100",
+    "bandai-1": "bandai",
+    "bandai-2": "bandai",
+    "folder": "folder",
+    "humanml3d": "humanml3d_files",
+    "xia": "xia",
+}
 
 
 def names() -> list[str]:
     """The datasets that `load` knows.
 
     >>> names()
-    ['bandai-1', 'bandai-2']
+    ['100style', 'bandai-1', 'bandai-2', 'folder', 'humanml3d', 'xia']
     """
-    return sorted(bandai.FILE_PREFIXES)
+    return sorted(_READERS)
 
 
-def load(name: str, root: str | os.PathLike | None = None) -> Dataset:
+def items_of(name: str, root: str | os.PathLike | None = None, **options) -> Sequence[Item]:
+    """The clips of a dataset as they are found, nothing read yet; see `load`.
+
+    >>> items_of("bandai")
+    Traceback (most recent call last):
+    ...
+    motionkit.errors.MotionKitError: no dataset 'bandai'; there are '100style', 'bandai-1', ...
+    """
+    if name not in _READERS:
+        raise MotionKitError(f"no dataset {name!r}; there are {', '.join(map(repr, names()))}")
+    found = importlib.import_module(f".{_READERS[name]}", __name__).items(name, root, **options)
+    if not found:
+        raise MotionKitError(f"{root}: no clips of {name} here; give the folder or zip that has them")
+    return found
+
+
+def load(name: str, root: str | os.PathLike | None = None, **options) -> Dataset:
     """A dataset by name.
 
     name: one of `names()`. root: a folder with the clips somewhere below it, or the archive's zip, which is
-    read in place; left out, the environment variable MOTIONKIT_DATA says. The first time all clips are read
-    (about 10 s on two cores) and kept in the cache folder (MOTIONKIT_CACHE, or the system's usual place);
-    later it takes a moment. Raises MotionKitError that says how to get the data if they are not there.
+    read in place; left out, the environment variable MOTIONKIT_DATA says. options: what the dataset's reader takes
+    beside these, as `pattern` for "folder". The first time all clips are read (about 10 s on two cores for
+    Bandai-2) and kept in the cache folder (MOTIONKIT_CACHE, or the system's usual place); later it takes a moment.
+    Raises MotionKitError that says how to get the data if they are not there.
 
     >>> load("bandai-2", root="data")
     Traceback (most recent call last):
     ...
     motionkit.errors.MotionKitError: data: no clips of bandai-2 here (dataset-2_CONTENT_STYLE_NNN.bvh); ...
     """
-    if name not in names():
-        raise MotionKitError(f"no dataset {name!r}; there are {', '.join(map(repr, names()))}")
-    sources = bandai.find(name, root)
-    store = open_store(name, sources)
-    return Dataset(name, store, tuple(bandai.labels(clip.name) for clip in store.clips))
+    return of_items(name, items_of(name, root, **options))
+
+
+def of_items(name: str, items: Sequence[Item]) -> Dataset:
+    """A dataset of clips that you list yourself, cached as those of `load`; `name` is for messages and the cache.
+
+    Each item has a name, labels, and a source that makes its motion. Raises MotionKitError if two have one name.
+
+    >>> from pathlib import Path
+    >>> import motionkit as mk
+    >>> walk = Path("data/walk_neutral.bvh")
+    >>> source = BvhSource(str(walk), None, walk.stat().st_size, 1)
+    >>> of_items("mine", [Item("walk_1", Labels("walk", "neutral", ("a person walks",)), source)])
+    Dataset('mine', 1 clips, 1 contents, 1 styles)
+    """
+    items = sorted(items, key=lambda item: item.name)
+    for item, after in zip(items, items[1:]):
+        if item.name == after.name:
+            raise MotionKitError(f"dataset {name!r}: two clips are called {item.name!r}; give each a name of its own")
+    if not items:
+        raise MotionKitError(f"dataset {name!r} has no clips; list at least one")
+    return Dataset(name, open_store(name, items), tuple(item.labels for item in items))

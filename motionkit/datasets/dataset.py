@@ -5,41 +5,105 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, overload
+from typing import TYPE_CHECKING, overload
 
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..contacts import foot_contacts
 from ..errors import MotionKitError
 from ..motion import Motion
+from ..skeleton import Skeleton
+from .sources import Labels, Recording
+from .splits import Split, split_numbers
+from .tables import Table, caption_table, count_table
 
 if TYPE_CHECKING:
     from .store import Store
-
-
-class Labels(NamedTuple):
-    """What a clip shows: content, style, and both in a sentence."""
-
-    content: str
-    style: str
-    text: str
+    from .windows import Windows
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """One clip: `name`, `content`, `style`, `text` (a sentence), and `motion`, read on first use."""
+    """One clip of a dataset: its labels, and its motion, which is read on first use."""
 
-    name: str
-    content: str
-    style: str
-    text: str
-    _store: Store
-    _number: int
+    dataset: Dataset
+    number: int
+
+    @property
+    def name(self) -> str:
+        """The clip's name."""
+        return self.dataset.store.clips[self.number].name
+
+    @property
+    def labels(self) -> Labels:
+        """All labels together."""
+        return self.dataset.labels[self.number]
+
+    @property
+    def content(self) -> str:
+        """What is done: `walk`, `jump`, ..."""
+        return self.labels.content
+
+    @property
+    def style(self) -> str:
+        """How it is done: `old`, `proud`, ..."""
+        return self.labels.style
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """Sentences that describe the clip, the best one first."""
+        return self.labels.texts
+
+    @property
+    def text(self) -> str:
+        """The best of the sentences; empty where there is none."""
+        return self.texts[0] if self.texts else ""
+
+    @property
+    def performer(self) -> str:
+        """Who moves; empty where that is not known."""
+        return self.labels.performer
+
+    @property
+    def take(self) -> str:
+        """What was recorded in one go: clips of one take stay together when a dataset is split."""
+        return self.labels.take or self.name
+
+    @property
+    def split(self) -> str:
+        """The part that the dataset's makers put it in; empty where they did not."""
+        return self.labels.split
 
     @cached_property
+    def recording(self) -> Recording:
+        """Motion and tracks as stored; MotionKitError if the cache has been damaged since it was written."""
+        return self.dataset.store.recording(self.number)
+
+    @property
     def motion(self) -> Motion:
         """The motion, in metres; see `Motion`."""
-        return self._store.motion(self._number)
+        return self.recording.motion
+
+    @property
+    def contacts(self) -> Tensor:
+        """Which foot joints stand, bool [F, K]: the dataset's own where it has them, else `contacts.foot_contacts`."""
+        stored = self.recording.tracks.get("contacts")
+        return foot_contacts(self.motion) if stored is None else stored.bool()
+
+    @property
+    def phase(self) -> Tensor | None:
+        """Where in the cycle of steps a frame is, [F, 1]; None where the dataset does not say."""
+        return self.recording.tracks.get("phase")
+
+    @property
+    def start(self) -> int:
+        """0: a clip is its own window."""
+        return 0
 
     def __len__(self) -> int:
-        return self._store.clips[self._number].frames
+        return self.dataset.store.clips[self.number].frames
 
     def __repr__(self) -> str:
         return f"Clip({self.name!r}, {len(self)} frames, content {self.content!r}, style {self.style!r})"
@@ -62,45 +126,144 @@ class Dataset:
     @cached_property
     def contents(self) -> tuple[str, ...]:
         """The contents that occur, sorted."""
-        return tuple(sorted({self.labels[n].content for n in self.numbers}))
+        return self._values("content")
 
     @cached_property
     def styles(self) -> tuple[str, ...]:
         """The styles that occur, sorted."""
-        return tuple(sorted({self.labels[n].style for n in self.numbers}))
+        return self._values("style")
+
+    @cached_property
+    def performers(self) -> tuple[str, ...]:
+        """The performers that occur, sorted; an empty one where somebody is not known."""
+        return self._values("performer")
+
+    def _values(self, label: str) -> tuple[str, ...]:
+        return tuple(sorted({getattr(self.labels[n], label) for n in self.numbers}))
+
+    @cached_property
+    def vocabulary(self) -> dict[str, tuple[str, ...]]:
+        """All contents and styles of the whole dataset: a label's id is its place here, in every part of a split."""
+        return {label: tuple(sorted({getattr(x, label) for x in self.labels})) for label in ("content", "style")}
+
+    def ids(self, label: str) -> Tensor:
+        """For each stored clip the place of its `content` or `style` in `vocabulary`, long [N]."""
+        return self._ids[label]
+
+    @cached_property
+    def _ids(self) -> dict[str, Tensor]:
+        found = {}
+        for label, words in self.vocabulary.items():
+            place = {word: n for n, word in enumerate(words)}
+            found[label] = torch.tensor([place[getattr(x, label)] for x in self.labels], dtype=torch.long)
+        return found
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """The skeleton of the first clip, once it is sure that all clips have its joints and frame rate.
+
+        Raises MotionKitError naming two clips that differ. Bone lengths may differ: they are in the translations.
+        """
+        check_alike(self.store, self.numbers, f"dataset {self.name!r}")
+        return self.store.skeleton(self.numbers[0])
 
     def __len__(self) -> int:
         return len(self.numbers)
 
     def __repr__(self) -> str:
         found = f"{len(self.contents)} contents, {len(self.styles)} styles"
-        return f"Dataset({self.name!r}, {len(self)} clips, {found})"
+        return f"{type(self).__name__}({self.name!r}, {len(self)} clips, {found})"
 
     @overload
     def __getitem__(self, number: int) -> Clip: ...
     @overload
     def __getitem__(self, number: slice) -> Dataset: ...
     def __getitem__(self, number):
-        if isinstance(number, slice):
-            return Dataset(self.name, self.store, self.labels, self.numbers[number])
-        stored = self.numbers[number]
-        return Clip(self.store.clips[stored].name, *self.labels[stored], self.store, stored)
+        return self._some(self.numbers[number]) if isinstance(number, slice) else Clip(self, self.numbers[number])
+
+    def _some(self, numbers: Collection[int]) -> Dataset:
+        return Dataset(self.name, self.store, self.labels, tuple(numbers))
 
     def __iter__(self) -> Iterator[Clip]:
         return (self[n] for n in range(len(self)))
 
     def filter(
-        self, content: str | Collection[str] | None = None, style: str | Collection[str] | None = None
+        self,
+        content: str | Collection[str] | None = None,
+        style: str | Collection[str] | None = None,
+        performer: str | Collection[str] | None = None,
+        split: str | Collection[str] | None = None,
     ) -> Dataset:
-        """The clips of one or several contents and styles; MotionKitError for a label that does not occur."""
-        contents = _wanted("content", content, self.contents)
-        styles = _wanted("style", style, self.styles)
-        fits = (n for n in self.numbers if self.labels[n].content in contents and self.labels[n].style in styles)
-        return Dataset(self.name, self.store, self.labels, tuple(fits))
+        """The clips of one or several contents, styles, performers and makers' parts.
+
+        Raises MotionKitError for a label that does not occur.
+        """
+        numbers = self.numbers
+        for label, asked in (("content", content), ("style", style), ("performer", performer), ("split", split)):
+            if asked is not None:
+                wanted = _wanted(label, asked, self._values(label))
+                numbers = tuple(n for n in numbers if getattr(self.labels[n], label) in wanted)
+        return self._some(numbers)
+
+    def split(
+        self, by: str | None = None, shares: tuple[float, float, float] = (0.8, 0.1, 0.1), seed: int = 0
+    ) -> Split:
+        """Three datasets, `train`, `validation` and `test`, no take in two of them.
+
+        by: `take` deals out takes so that every part has its share of each content x style; `performer`, `content` or
+        `style` deal those out, so that test and validation hold some that training never saw; `given` is the split of
+        the dataset's makers, and the default where every clip has one (else `take`). shares: of the takes,
+        performers, ...; they add up to 1. seed: another one gives another split, the same on every machine. Raises
+        MotionKitError where it cannot be done, and says why.
+        """
+        return Split(*map(self._some, split_numbers(self, by, shares, seed)))
+
+    def windows(self, length: int, stride: int | None = None, short: str = "skip") -> Windows:
+        """Pieces of `length` frames, one every `stride` frames (left out: end to end); see `Windows`.
+
+        short: what becomes of frames that fill no window. `skip` leaves them out; `pad` gives a last window that goes
+        on in the last pose, with a mask that says so.
+        """
+        from .windows import Windows
+
+        return Windows(self, length, length if stride is None else stride, short)
+
+    def table(self) -> Table:
+        """How many clips there are of each content and style; prints well, in a notebook too."""
+        return count_table(self)
+
+    def captions(self) -> Table:
+        """All sentences, a line each, with clip, content and style."""
+        return caption_table(self)
+
+    def check(self) -> None:
+        """Read every clip once; MotionKitError names the first whose numbers are not those that were written."""
+        for number in self.numbers:
+            self.store.check(number)
 
 
-def _wanted(what: str, asked: str | Collection[str] | None, there: tuple[str, ...]) -> set[str]:
-    wanted = set(there) if asked is None else {asked} if isinstance(asked, str) else set(asked)
+def check_alike(store: Store, numbers: Collection[int], where: str) -> None:
+    """Raises MotionKitError unless these clips share joints, tracks and frame rate, as one batch needs."""
+    numbers = np.asarray(numbers, dtype=np.int64)
+    if not len(numbers):
+        raise MotionKitError(f"{where} has no clips, so no skeleton; check the filter, or the folder it was read from")
+    kinds = store.kinds[numbers]
+    others = np.flatnonzero(kinds != kinds[0])
+    if not len(others):
+        return
+    found = []
+    for number in (numbers[0], numbers[others[0]]):
+        clip, skeleton = store.clips[number], store.skeleton(number)
+        tracks = ", ".join(store.tracks(number)) or "no tracks"
+        found.append(f"{clip.name!r} has {skeleton!r}, {clip.fps:g} fps, {tracks}")
+    raise MotionKitError(
+        f"{where}: one skeleton and frame rate are needed here, but {found[0]}, and {found[1]}; take clips of one "
+        "kind, or bring them to one with mk.retarget and Motion.resample first"
+    )
+
+
+def _wanted(what: str, asked: str | Collection[str], there: tuple[str, ...]) -> set[str]:
+    wanted = {asked} if isinstance(asked, str) else set(asked)
     unknown = sorted(wanted - set(there))
     if unknown:
         raise MotionKitError(f"no clip has the {what} {unknown[0]!r}; there are {', '.join(there)}")

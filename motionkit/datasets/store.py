@@ -1,58 +1,37 @@
-"""The cache of a dataset: all clips in one memory-mapped file of float32, with an index in JSON beside it.
+"""The clips of a dataset or a corpus on disk: one or many shards, memory-mapped.
 
-A clip's numbers stand together: offsets [J, 3], rotations [F, J, 4], translations [F, J, 3]; metres, w x y z.
-What is in memory is what is looked at, so that a corpus larger than memory is read the same way.
+What is in memory is what is looked at, so that a corpus larger than memory is read the same way as a small one.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import sys
 import zlib
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from ..errors import MotionKitError
-from ..files import open_atomic, write_atomic
 from ..motion import Motion
 from ..skeleton import Skeleton
+from .shards import Shard, StoredClip, forget, key_of, read_shard, write_shards
+from .sources import Item, Recording
 
-FORMAT = 1  # to be raised when the layout changes or the reader makes other numbers of the same files
-
-
-class Source(NamedTuple):
-    """Where a clip is read from: a file, or a member of a zip. state: what changes when the content does."""
-
-    name: str
-    path: str
-    member: str | None
-    size: int
-    state: int
-
-
-@dataclass(frozen=True)
-class StoredClip:
-    """A line of the index. start: place of its first number in the data. tree: which of the index's trees."""
-
-    name: str
-    start: int
-    frames: int
-    tree: int
-    fps: float
-    metres_per_unit: float
-    checksum: int
+_OPEN_SHARDS = 256  # systems let a process open about a thousand files
 
 
 def cache_folder() -> Path:
-    """Where caches go: the environment variable MOTIONKIT_CACHE, or the system's usual place."""
+    """Where caches go: the environment variable MOTIONKIT_CACHE, or the system's usual place.
+
+    >>> cache_folder().is_absolute()
+    True
+    """
     given = os.environ.get("MOTIONKIT_CACHE")
     if given:
         return Path(given).expanduser()
@@ -63,96 +42,161 @@ def cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "motionkit"
 
 
+def make_folder(folder: Path, advice: str) -> Path:
+    """A folder that can be written to; MotionKitError with advice if there can be none."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise MotionKitError(f"{folder}: cannot make the cache folder: {error}; {advice}") from None
+    if not os.access(folder, os.W_OK):
+        raise MotionKitError(f"{folder}: the cache folder cannot be written; {advice}")
+    return folder
+
+
 @dataclass(eq=False)
 class Store:
-    """An opened cache; `motion(n)` builds the n-th clip."""
+    """Opened shards. Clips have numbers from 0, through all shards. remedy: what to do about a damaged one."""
 
-    path: Path
-    clips: tuple[StoredClip, ...]
-    trees: tuple[dict, ...] = field(repr=False)
+    shards: tuple[Shard, ...] = field(repr=False)
+    remedy: str = "load the dataset again to remake it"
 
-    @cached_property
-    def numbers(self) -> np.ndarray:
-        """The whole data file, memory-mapped, float32 [N]."""
-        return np.memmap(self.path, "<f4", "r")
+    def __post_init__(self) -> None:
+        self._maps: dict[int, np.ndarray] = {}
 
     def __getstate__(self) -> dict:
-        return {k: v for k, v in self.__dict__.items() if k != "numbers"}  # each process maps the file itself
+        return {"shards": self.shards, "remedy": self.remedy}  # each process maps the files itself
 
-    def motion(self, number: int) -> Motion:
-        """A clip as a `Motion`. Raises MotionKitError if the cache has been damaged since it was written."""
-        clip, tree = self.clips[number], self.trees[self.clips[number].tree]
-        joints = len(tree["names"])
-        parts = (joints * 3, clip.frames * joints * 4, clip.frames * joints * 3)
-        block = np.array(self.numbers[clip.start : clip.start + sum(parts)])
-        if len(block) != sum(parts) or zlib.crc32(block) != clip.checksum:
-            _index_path(self.path).unlink(missing_ok=True)
-            raise MotionKitError(
-                f"{self.path}: the cache is damaged at clip {clip.name!r}; load the dataset again to remake it"
-            )
-        offsets, rotations, translations = torch.from_numpy(block).split(parts)
-        skeleton = Skeleton(
-            tuple(tree["names"]),
-            tuple(tree["parents"]),
-            offsets.view(joints, 3),
-            tuple(map(tuple, tree["channels"])),
-            tuple((joint, tuple(offset)) for joint, offset in tree["end_sites"]),
-        )
-        turns, moves = rotations.view(clip.frames, joints, 4), translations.view(clip.frames, joints, 3)
-        return Motion(skeleton, turns, moves, clip.fps, clip.name, clip.metres_per_unit)
+    def __setstate__(self, state: dict) -> None:
+        self.__init__(**state)
+
+    @cached_property
+    def clips(self) -> tuple[StoredClip, ...]:
+        """All clips, shard after shard."""
+        return tuple(clip for shard in self.shards for clip in shard.clips)
+
+    @cached_property
+    def frames(self) -> np.ndarray:
+        """How many frames each clip has, [N]."""
+        return np.array([clip.frames for clip in self.clips], dtype=np.int64)
+
+    @cached_property
+    def trees(self) -> tuple[dict, ...]:
+        """The trees of all shards, one after the other."""
+        return tuple(tree for shard in self.shards for tree in shard.trees)
+
+    @cached_property
+    def places(self) -> tuple[tuple[int, int], ...]:
+        """For each clip its shard, and its tree among `trees`."""
+        found, before = [], 0
+        for n, shard in enumerate(self.shards):
+            found += [(n, before + clip.tree) for clip in shard.clips]
+            before += len(shard.trees)
+        return tuple(found)
+
+    @cached_property
+    def widths(self) -> tuple[int, ...]:
+        """How many numbers a row has, tree by tree."""
+        return tuple(7 * len(tree["names"]) + sum(width for _, width in tree["tracks"]) for tree in self.trees)
+
+    @cached_property
+    def kinds(self) -> np.ndarray:
+        """A number for each clip, [N]: the same where joints, tracks and frame rate are."""
+        kinds: dict[tuple, int] = {}
+        trees = [str((tree["names"], tree["parents"], tree["tracks"])) for tree in self.trees]
+        pairs = zip(self.places, self.clips, strict=True)
+        found = (kinds.setdefault((trees[tree], clip.fps), len(kinds)) for (_, tree), clip in pairs)
+        return np.fromiter(found, np.int64, len(self.clips))
+
+    def rows(self, number: int, start: int, stop: int) -> np.ndarray:
+        """Frames `start` to `stop` of a clip, [F, W], where they lie in the mapped file: one read, no copy."""
+        shard, tree = self.places[number]
+        width = self.widths[tree]
+        first = self.clips[number].start + start * width
+        return self._map(shard)[first : first + (stop - start) * width].reshape(stop - start, width)
+
+    def _map(self, shard: int) -> np.ndarray:
+        found = self._maps.get(shard)
+        if found is None:
+            if len(self._maps) >= _OPEN_SHARDS:
+                self._maps.pop(next(iter(self._maps)))
+            try:
+                found = self._maps[shard] = np.asarray(np.memmap(self.shards[shard].path, "<f4", "r"))
+            except (OSError, ValueError) as error:
+                raise self._damage(shard, f"the data cannot be opened ({error})") from None
+        return found
+
+    def _damage(self, shard: int, what: str) -> MotionKitError:
+        path = self.shards[shard].path
+        forget(path)
+        return MotionKitError(f"{path}: {what}; {self.remedy}")
+
+    def tracks(self, number: int) -> dict[str, slice]:
+        """Which columns of a clip's rows are which track."""
+        tree = self.trees[self.places[number][1]]
+        found, start = {}, 7 * len(tree["names"])
+        for name, width in tree["tracks"]:
+            found[name] = slice(start, start + width)
+            start += width
+        return found
+
+    def skeleton(self, number: int) -> Skeleton:
+        """A clip's skeleton; one object for all clips that share it."""
+        return self._skeletons(self.places[number][1])
+
+    @cached_property
+    def _skeletons(self) -> Callable[[int], Skeleton]:
+        return lru_cache(maxsize=256)(lambda tree: _skeleton_of(self.trees[tree]))
+
+    def check(self, number: int) -> None:
+        """Raises MotionKitError if a clip's numbers are not those that were written."""
+        clip, shard = self.clips[number], self.places[number][0]
+        if zlib.crc32(np.ascontiguousarray(self.rows(number, 0, clip.frames))) != clip.checksum:
+            raise self._damage(shard, f"the cache is damaged at clip {clip.name!r}")
+
+    def recording(self, number: int, start: int = 0, stop: int | None = None) -> Recording:
+        """Frames of a clip with their tracks, copied into memory; a whole clip is checked for damage."""
+        clip = self.clips[number]
+        if stop is None:
+            self.check(number)
+            stop = clip.frames
+        rows = torch.from_numpy(self.rows(number, start, stop).astype(np.float32))
+        skeleton = self.skeleton(number)
+        turns, moves = split_rows(rows, len(skeleton))
+        name = clip.name if (start, stop) == (0, clip.frames) else f"{clip.name}[{start}:{stop}]"
+        motion = Motion(skeleton, turns, moves, clip.fps, name, clip.metres_per_unit)
+        return Recording(motion, {track: rows[:, columns] for track, columns in self.tracks(number).items()})
 
 
-def open_store(name: str, sources: list[Source]) -> Store:
-    """The cache of these clips; made first if there is none, or if it is damaged."""
-    listing = "\n".join(f"{s.name} {s.size} {s.state}" for s in sources)
-    key = hashlib.sha256(f"format {FORMAT}\n{listing}".encode()).hexdigest()[:16]
-    path = cache_folder() / f"{name}-{key}.f32"
-    store = _read_index(path, len(sources))
-    if store is None:
-        _build(path, sources)
-        store = _read_index(path, len(sources))
-        if store is None:
-            raise MotionKitError(
-                f"{path}: the cache cannot be read after writing it; set MOTIONKIT_CACHE to another folder"
-            )
-    return store
+def split_rows(rows: Tensor, joints: int) -> tuple[Tensor, Tensor]:
+    """Rows [..., W] to rotations [..., J, 4] and translations [..., J, 3].
+
+    >>> [tuple(part.shape) for part in split_rows(torch.zeros(8, 16), joints=2)]
+    [(8, 2, 4), (8, 2, 3)]
+    """
+    turns = rows[..., : 4 * joints].unflatten(-1, (joints, 4)).contiguous()
+    return turns, rows[..., 4 * joints : 7 * joints].unflatten(-1, (joints, 3)).contiguous()
 
 
-def _index_path(data: Path) -> Path:
-    return data.with_suffix(".json")
+def _skeleton_of(tree: dict) -> Skeleton:
+    return Skeleton(
+        tuple(tree["names"]),
+        tuple(tree["parents"]),
+        torch.tensor(tree["offsets"]),
+        tuple(map(tuple, tree["channels"])),
+        tuple((joint, tuple(offset)) for joint, offset in tree["end_sites"]),
+        None if tree["twins"] is None else tuple(tree["twins"]),
+    )
 
 
-def _read_index(path: Path, count: int) -> Store | None:
-    """The store, or None if index or data are missing or do not fit together."""
+def open_store(name: str, items: Sequence[Item]) -> Store:
+    """The cache of these clips, one shard; made first if there is none, or if it is damaged."""
+    path = cache_folder() / f"{name}-{key_of(items)}.f32"
     try:
-        index = json.loads(_index_path(path).read_bytes())
-        clips = tuple(StoredClip(*row) for row in index["clips"])
-        fits = index["bytes"] == path.stat().st_size and len(clips) == count
-        return Store(path, clips, tuple(index["trees"])) if fits else None
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-
-
-def _build(path: Path, sources: list[Source]) -> None:
-    from .reading import read_all
-
+        return Store((read_shard(path),))
+    except MotionKitError:
+        make_folder(path.parent, "set MOTIONKIT_CACHE to another folder")
+        write_shards([(path, items)])
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise MotionKitError(f"{path.parent}: cannot make the cache folder: {error}; set MOTIONKIT_CACHE") from None
-    _index_path(path).unlink(missing_ok=True)
-    trees: dict[str, int] = {}
-    with open_atomic(path) as file:
-        clips, size = _write_clips(file, read_all(sources), trees)
-    index = {"format": FORMAT, "bytes": size, "trees": list(map(json.loads, trees)), "clips": clips}
-    write_atomic(_index_path(path), json.dumps(index))
-
-
-def _write_clips(file, read: Iterable[tuple], trees: dict[str, int]) -> tuple[list[list], int]:
-    clips, size = [], 0
-    for name, tree, fps, unit, frames, block in read:
-        number = trees.setdefault(json.dumps(tree), len(trees))
-        clip = StoredClip(name, size // 4, frames, number, fps, unit, zlib.crc32(block))
-        clips.append(list(asdict(clip).values()))
-        size += file.write(block)
-    return clips, size
+        return Store((read_shard(path),))
+    except MotionKitError as error:
+        raise MotionKitError(f"{error}, though it was just written; set MOTIONKIT_CACHE to another folder") from None

@@ -1,0 +1,167 @@
+"""Batches: named tensors of many windows or clips, for torch's own `DataLoader`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils.data import DataLoader, RandomSampler, Sampler
+
+from ..errors import MotionKitError
+from ..features import Layout
+from .dataset import Clip, Dataset, check_alike
+from .store import split_rows
+from .windows import Window, Windows
+
+
+class Batch(dict):
+    """Named tensors; `batch["rotations"]` and `batch.rotations` are the same.
+
+    rotations: [B, F, J, 4] unit quaternions w x y z, local. translations: [B, F, J, 3] metres. mask: bool [B, F], true
+    for frames that are the clip's own (those after them repeat its last pose). contacts: bool [B, F, K]; phase and
+    other tracks [B, F, K] where the dataset has them. content, style: long [B], places in `dataset.vocabulary`. names,
+    texts: for each sample its name, and all sentences. features: [B, F, D], where asked for.
+    """
+
+    def __getattr__(self, name: str):
+        try:
+            return self[name]
+        except KeyError:
+            raise AttributeError(f"this batch has no {name!r}; it has {', '.join(self)}") from None
+
+    def to(self, *place, **more) -> Batch:
+        """The batch with its tensors on another device, as `Tensor.to`; names and texts stay."""
+        return Batch({k: v.to(*place, **more) if isinstance(v, Tensor) else v for k, v in self.items()})
+
+
+def collate(samples: Sequence[Window | Clip], features: Layout | None = None) -> Batch:
+    """Windows or clips of one dataset together, read from the mapped file; short ones are padded and masked.
+
+    features: a layout; each sample's own frames are encoded, and padded with the last row. Give it to torch as
+    `DataLoader(windows, 64, collate_fn=mk.datasets.collate)`. Raises MotionKitError naming two samples of different
+    joints, tracks or frame rates.
+
+    >>> collate([])
+    Traceback (most recent call last):
+    ...
+    motionkit.errors.MotionKitError: no samples to put together; give some windows or clips of a dataset
+    """
+    if not samples:
+        raise MotionKitError("no samples to put together; give some windows or clips of a dataset")
+    clips = [getattr(sample, "clip", sample) for sample in samples]
+    dataset, numbers = clips[0].dataset, [clip.number for clip in clips]
+    if any(clip.dataset.store is not dataset.store for clip in clips):
+        raise MotionKitError("the samples of a batch must come from one dataset; batch each dataset by itself")
+    check_alike(dataset.store, numbers, "batch")
+    own = [getattr(sample, "frames", len(sample)) for sample in samples]
+    rows = _rows(dataset, numbers, [sample.start for sample in samples], own, max(map(len, samples)))
+    joints = len(dataset.store.skeleton(numbers[0]))
+    turns, moves = split_rows(rows, joints)
+    batch = Batch(rotations=turns, translations=moves)
+    batch["mask"] = torch.arange(rows.shape[1]) < torch.tensor(own)[:, None]
+    for track, columns in dataset.store.tracks(numbers[0]).items():
+        batch[track] = rows[..., columns] > 0.5 if track == "contacts" else rows[..., columns].contiguous()
+    for label in ("content", "style"):
+        batch[label] = dataset.ids(label)[numbers]
+    batch["names"] = [sample.name for sample in samples]
+    batch["texts"] = [clip.texts for clip in clips]
+    if features is not None:
+        batch["features"] = _encoded(batch, dataset, numbers, features)
+    return batch
+
+
+def _rows(dataset: Dataset, numbers: list[int], starts: list[int], own: list[int], frames: int) -> Tensor:
+    """Rows [B, F, W]: each sample's own frames, then its last one again and again."""
+    store = dataset.store
+    rows = np.empty((len(numbers), frames, store.widths[store.places[numbers[0]][1]]), np.float32)
+    for row, number, start, count in zip(rows, numbers, starts, own):
+        row[:count] = store.rows(number, start, start + count)
+        row[count:] = row[count - 1] if count else 0
+    return torch.from_numpy(rows)
+
+
+def _encoded(batch: Batch, dataset: Dataset, numbers: list[int], layout: Layout) -> Tensor:
+    """Features [B, F, D] of each sample's own frames."""
+    from ..motion import Motion
+
+    store, own = dataset.store, batch["mask"].sum(1).tolist()
+    found = torch.zeros(*batch["mask"].shape, 0)
+    for n, (number, count) in enumerate(zip(numbers, own)):
+        turns, moves = batch["rotations"][n, :count], batch["translations"][n, :count]
+        motion = Motion(store.skeleton(number), turns, moves, store.clips[number].fps, batch["names"][n])
+        x = layout.encode(motion).flatten(1)
+        if not n:
+            found = x.new_zeros(*batch["mask"].shape, x.shape[1])
+        found[n, : len(x)] = x
+        found[n, len(x) :] = x[-1]
+    return found
+
+
+class BalancedSampler(Sampler[int]):
+    """Numbers of windows or clips such that every style (or content, or pair) comes equally often.
+
+    by: `style`, `content` or `("content", "style")`. It draws rounds: in each, one sample of every label in random
+    order, so that a batch is balanced too; a label's samples all come before one comes again. As many samples as
+    `source` has. seed: says all orders; each pass has another one.
+    """
+
+    def __init__(self, source: Windows | Dataset, by: str | tuple[str, ...] = "style", seed: int = 0) -> None:
+        labels = (by,) if isinstance(by, str) else tuple(by)
+        if not labels or not set(labels) <= {"content", "style"}:
+            raise MotionKitError(f"balanced must be 'style', 'content' or ('content', 'style'); found {by!r}")
+        dataset, clips = _clips_of(source)
+        values = torch.stack([dataset.ids(label)[clips] for label in labels])
+        group = torch.unique(values, dim=1, return_inverse=True)[1]
+        sizes = torch.bincount(group).tolist()
+        self.groups = torch.argsort(group, stable=True).split(sizes)
+        self._count, self._generator = len(clips), torch.Generator().manual_seed(seed)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[int]:
+        rounds = -(-self._count // len(self.groups))
+        drawn = torch.stack([self._draw(group, rounds) for group in self.groups], 1)  # [rounds, groups]
+        orders = torch.rand(drawn.shape, generator=self._generator).argsort(1)
+        return iter(drawn.gather(1, orders).flatten()[: self._count].tolist())
+
+    def _draw(self, group: Tensor, count: int) -> Tensor:
+        times = -(-count // len(group))
+        return torch.cat([group[torch.randperm(len(group), generator=self._generator)] for _ in range(times)])[:count]
+
+
+def _clips_of(source: Windows | Dataset) -> tuple[Dataset, Tensor]:
+    """The dataset, and the stored clip of each sample, long [N]."""
+    if isinstance(source, Windows):
+        return source.dataset, source.clip_numbers()
+    if isinstance(source, Dataset):
+        return source, torch.tensor(source.numbers, dtype=torch.long)
+    raise MotionKitError(f"batches are made of a dataset or of its windows(...); found {type(source).__name__}")
+
+
+def batches(
+    source: Windows | Dataset,
+    size: int,
+    seed: int = 0,
+    balanced: str | tuple[str, ...] | None = None,
+    features: Layout | None = None,
+    workers: int = 0,
+) -> DataLoader:
+    """A torch `DataLoader` of `Batch`es in random order; going through it once is one epoch, each in another order.
+
+    source: windows, or whole clips (padded to the longest of their batch). size: B; the last batch has what is left.
+    balanced: see `BalancedSampler`; left out, each sample comes once an epoch. features: a layout; adds `features`
+    [B, F, D]. workers: processes that read ahead; 0 reads in this one, which is enough without features. Raises
+    MotionKitError where samples cannot share a batch, before the first is read.
+    """
+    dataset, clips = _clips_of(source)
+    if not isinstance(size, int) or size < 1:
+        raise MotionKitError(f"batches: size is a number of samples from 1; found {size!r}")
+    check_alike(dataset.store, torch.unique(clips).numpy(), f"dataset {dataset.name!r}")
+    generator = torch.Generator().manual_seed(seed)
+    sampler = BalancedSampler(source, balanced, seed) if balanced else RandomSampler(source, generator=generator)
+    together = partial(collate, features=features)
+    return DataLoader(source, size, sampler=sampler, collate_fn=together, generator=generator, num_workers=workers)
