@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable
 
 from ..errors import MotionKitError
-from .captions import captions
+from .captions import captions, doing
 from .places import File, Wanted, find, texts, unique
 from .sources import Item, Labels
 
@@ -32,29 +32,6 @@ LABELS = {
         "raise-up-both-hands raise-up-left-hand raise-up-right-hand",
         "style": "active elderly exhausted feminine masculine normal youthful",
     },
-}
-
-# What someone is doing, twice in different words.
-_DOING = {
-    "bow": ("bowing", "bending down in a greeting"),
-    "bye": ("waving goodbye", "saying goodbye with a wave"),
-    "byebye": ("waving goodbye again and again", "waving someone off"),
-    "call": ("calling someone over", "beckoning"),
-    "dance-long": ("dancing for a while", "doing a long dance"),
-    "dance-short": ("dancing", "doing a short dance"),
-    "dash": ("dashing", "sprinting"),
-    "guide": ("showing the way", "pointing someone along"),
-    "kick": ("kicking", "throwing a kick"),
-    "punch": ("punching", "throwing a punch"),
-    "respond": ("responding", "answering with a gesture"),
-    "run": ("running", "jogging along"),
-    "slash": ("slashing with a sword", "swinging a blade"),
-    "walk": ("walking", "going on foot"),
-    "walk-back": ("walking backwards", "stepping back"),
-    "walk-left": ("walking to the left", "stepping to the left"),
-    "walk-right": ("walking to the right", "stepping to the right"),
-    "walk-turn-left": ("walking and turning left", "taking a left turn on foot"),
-    "walk-turn-right": ("walking and turning right", "taking a right turn on foot"),
 }
 
 
@@ -79,17 +56,7 @@ def labels(clip: str) -> Labels:
     ('wave-left-hand', 'elderly', 'a person is waving the left hand in old age')
     """
     content, style = clip.split("_")[1:3]
-    return Labels(content, style, captions(*_doing(content), style), take=clip)
-
-
-def _doing(content: str) -> tuple[str, str]:
-    match = re.fullmatch(r"(wave|raise-up)-(both|left|right)-hands?", content)
-    if match is None:
-        words = content.replace("-", " ")
-        return _DOING.get(content, (f"doing {words}", f"performing {words}"))
-    verb, again = {"wave": ("waving", "swinging"), "raise-up": ("raising", "lifting up")}[match[1]]
-    hands = "both hands" if match[2] == "both" else f"the {match[2]} hand"
-    return f"{verb} {hands}", f"{again} {hands}"
+    return Labels(content, style, captions(*doing(content), style), take=clip)
 
 
 def items(name: str, root: str | os.PathLike | None = None) -> list[Item]:

@@ -5,15 +5,26 @@ from __future__ import annotations
 import os
 import re
 import zipfile
+import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import MotionKitError
-from ..files import read_bytes
 from .sources import BvhSource
 from .store import cache_folder
 
+# What reading from a damaged, encrypted or exotic archive raises.
+UNREADABLE = (
+    OSError,
+    ValueError,
+    KeyError,
+    RuntimeError,
+    NotImplementedError,
+    EOFError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 _LARGEST_TEXT = 1 << 26  # bytes of one table or label file; a guard against archives made to fill the memory
 
 
@@ -141,7 +152,7 @@ def _in_zip(wanted: Wanted, path: Path) -> Iterator[File]:
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
-    except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile) as error:
+    except UNREADABLE as error:
         raise MotionKitError(f"{path}: neither a folder nor a whole zip archive ({error}); {wanted.how}") from None
     for member in members:
         parts = member.filename.split("/")
@@ -166,28 +177,46 @@ def texts(files: Iterable[File]) -> Iterator[tuple[File, str]]:
     """The small text files among those found, with what they say; each archive is opened once.
 
     Raises MotionKitError for a file that cannot be read, is no UTF-8 text or is too large to be a table.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "a.txt")
+    ...     _ = path.write_text("hello")
+    ...     [text for _, text in texts([File("a.txt", str(path), None, 5, 0)])]
+    ['hello']
     """
-    open_archives: dict[str, zipfile.ZipFile] = {}
+    for file, data in heads(files, _LARGEST_TEXT):
+        if file.size > _LARGEST_TEXT:
+            raise MotionKitError(f"{file.where}: {file.size} bytes, which is no table; get the data again")
+        try:
+            yield file, data.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise MotionKitError(f"{file.where}: expected UTF-8 text; found {error}; save it as UTF-8") from None
+
+
+def heads(files: Iterable[File], size: int) -> Iterator[tuple[File, bytes]]:
+    """The files, each with its first `size` bytes; each archive is opened once. MotionKitError for one not readable.
+
+    >>> list(heads([], 10))
+    []
+    """
+    archives: dict[str, zipfile.ZipFile] = {}
     try:
         for file in files:
-            if file.size > _LARGEST_TEXT:
-                raise MotionKitError(f"{file.where}: {file.size} bytes, which is no table; get the data again")
-            yield file, _text(file, open_archives)
+            yield file, _head(file, size, archives)
     finally:
-        for archive in open_archives.values():
+        for archive in archives.values():
             archive.close()
 
 
-def _text(file: File, archives: dict[str, zipfile.ZipFile]) -> str:
+def _head(file: File, size: int, archives: dict[str, zipfile.ZipFile]) -> bytes:
     try:
         if file.member is None:
-            return read_bytes(file.path).decode("utf-8-sig")
+            with open(file.path, "rb") as opened:
+                return opened.read(size)
         if file.path not in archives:
             archives[file.path] = zipfile.ZipFile(file.path)
-        return archives[file.path].read(file.member).decode("utf-8-sig")
-    except MotionKitError:
-        raise
-    except UnicodeDecodeError as error:
-        raise MotionKitError(f"{file.where}: expected UTF-8 text; found {error}; save it as UTF-8") from None
-    except Exception as error:  # what zipfile raises on damaged archives is many things
-        raise MotionKitError(f"{file.where}: cannot be read ({error}); get the archive again") from None
+        with archives[file.path].open(file.member) as opened:
+            return opened.read(size)
+    except UNREADABLE as error:
+        raise MotionKitError(f"{file.where}: cannot be read ({error}); get the data again") from None
