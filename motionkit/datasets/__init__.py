@@ -9,6 +9,7 @@ motionkit.errors.MotionKitError: nowhere: no such file or folder; ...
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 from collections.abc import Sequence
 
@@ -75,7 +76,12 @@ def items_of(name: str, root: str | os.PathLike | None = None, **options) -> Seq
     """
     if name not in _READERS:
         raise MotionKitError(f"no dataset {name!r}; there are {', '.join(map(repr, names()))}")
-    found = importlib.import_module(f".{_READERS[name]}", __name__).items(name, root, **options)
+    items = importlib.import_module(f".{_READERS[name]}", __name__).items
+    known = list(inspect.signature(items).parameters)[2:]
+    if not set(options) <= set(known):
+        unknown = min(set(options) - set(known))
+        raise MotionKitError(f"dataset {name!r} has no option {unknown!r}; it has {', '.join(known) or 'none'}")
+    found = items(name, root, **options)
     if not found:
         raise MotionKitError(f"{root}: no clips of {name} here; give the folder or zip that has them")
     return found

@@ -85,8 +85,8 @@ def build_cache(
 ) -> Corpus:
     """Read any number of clips into a folder of shards, on all cores; memory stays small however many there are.
 
-    root: a folder of BVH files or a zip, read as dataset `dataset` with `options`, as in `load`; or a list of items.
-    out: the folder to write. shard_clips: clips a file. bad: `stop` at the first clip that cannot be read, or `skip`
+    root: a folder of BVH files or a zip, read as dataset `dataset` with `options`, as in `load` (files of a "folder"
+    may be called anything; `pattern` or `table` gives them labels); or a list of items. out: the folder to write. shard_clips: clips a file. bad: `stop` at the first clip that cannot be read, or `skip`
     it with a warning. It may be stopped at any moment (Ctrl-C); called again, it goes on after the last whole shard,
     and makes again what is damaged or whose clips have changed. Under `joblib.parallel_config("dask")` a cluster
     reads. Returns the opened `Corpus`; MotionKitError says what is wrong and where.
@@ -121,6 +121,8 @@ def _items(root: str | os.PathLike | Sequence[Item], dataset: str, options: dict
         return sorted(root, key=lambda item: item.name)
     from . import items_of
 
+    if dataset == "folder" and not options:
+        options = {"pattern": "{}"}
     return items_of(dataset, root, **options)
 
 

@@ -131,7 +131,7 @@ class Windows(Sequence):
         beyond = self._frames - self.length
         if self.short == "skip":
             return np.where(beyond >= 0, beyond // self.stride + 1, 0)
-        return np.where(self._frames > 0, -(-np.maximum(beyond, 0) // self.stride) + 1, 0)
+        return np.minimum(-(-np.maximum(beyond, 0) // self.stride) + 1, -(-self._frames // self.stride))
 
     @cached_property
     def _ends(self) -> np.ndarray:

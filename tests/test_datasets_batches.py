@@ -1,0 +1,230 @@
+"""Windows read from the mapped file, and batches of them as named tensors."""
+
+import pickle
+from collections import Counter
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_clips import Made, lengths, made
+from torch.utils.data import DataLoader
+
+import motionkit as mk
+from motionkit.datasets import BalancedSampler, Item, Labels, Windows, batches, collate, of_items, store
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("MOTIONKIT_CACHE", str(tmp_path_factory.mktemp("cache")))
+
+
+@pytest.fixture(scope="module")
+def walks(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MOTIONKIT_CACHE", str(tmp_path_factory.mktemp("cache")))
+        return lengths([70, 0, 64, 63, 130], joints=22, phase=True)
+
+
+class Frames:
+    """As much of a store as counting windows needs."""
+
+    def __init__(self, frames: list[int]) -> None:
+        self.frames = torch.tensor(frames).numpy()
+        self.clips = [Clip(n, count) for n, count in enumerate(frames)]
+
+
+class Clip:
+    def __init__(self, number: int, frames: int) -> None:
+        self.name, self.frames = f"clip_{number}", frames
+
+
+@given(
+    st.lists(st.integers(0, 40), min_size=1, max_size=6),
+    st.integers(1, 20),
+    st.integers(1, 25),
+    st.sampled_from(["skip", "pad"]),
+)
+@settings(max_examples=200)
+def test_windows_are_where_they_should_be(frames, length, stride, short):
+    expected = []
+    for clip, count in enumerate(frames):
+        start = 0
+        while start + length <= count:
+            expected.append((clip, start))
+            start += stride
+        left_over = start == 0 or start - stride + length < count
+        if short == "pad" and count and left_over and start < count:
+            expected.append((clip, start))
+    labels = tuple(Labels("walk", "old", ()) for _ in frames)
+    ds = mk.datasets.Dataset("any", Frames(frames), labels)
+    if not expected:
+        with pytest.raises(mk.MotionKitError, match="no clip has"):
+            ds.windows(length, stride, short)
+        return
+    windows = ds.windows(length, stride, short)
+    assert [(w.clip.number, w.start) for w in windows] == expected and len(windows) == len(expected)
+    assert windows.clip_numbers().tolist() == [clip for clip, _ in expected]
+
+
+def test_a_window_is_a_piece_of_its_clip(walks, monkeypatch):
+    whole = [clip.recording for clip in walks]
+    monkeypatch.setattr(store.Store, "check", lambda *_: pytest.fail("a whole clip was read"))
+    windows = walks.windows(60, stride=30)
+    assert [w.name for w in windows][:4] == ["clip_000[0:60]", "clip_002[0:60]", "clip_003[0:60]", "clip_004[0:60]"]
+    for w in windows:
+        motion, piece = w.motion, whole[w.clip.number].motion[w.start : w.start + 60]
+        assert torch.equal(motion.rotations, piece.rotations) and torch.equal(motion.translations, piece.translations)
+        assert (motion.fps, motion.name, len(w), w.valid.all()) == (30.0, w.name, 60, True)
+        assert torch.equal(w.contacts, whole[w.clip.number].tracks["contacts"][w.start : w.start + 60].bool())
+    last = windows[-1]
+    assert (last.content, last.style, last.text, last.start) == ("walk", "proud", "clip 4", 60)
+    assert last.motion.skeleton is windows[0].motion.skeleton is walks.skeleton
+    assert [w.name for w in windows[-2:]] == [windows[len(windows) - 2].name, windows[-1].name]
+    with pytest.raises(IndexError):
+        windows[len(windows)]
+
+
+def test_a_padded_window_stays_in_the_last_pose(walks):
+    windows = walks.windows(64, short="pad")
+    assert [(w.clip.name, w.start, w.frames) for w in windows if w.frames < 64] == [
+        ("clip_000", 64, 6),
+        ("clip_003", 0, 63),
+        ("clip_004", 128, 2),
+    ]
+    w, clip = windows[1], walks[0].motion
+    assert w.valid.tolist() == [True] * 6 + [False] * 58 and len(w.motion) == 64
+    assert torch.equal(w.motion.rotations[:6], clip.rotations[64:])
+    assert torch.equal(w.motion.translations[6:], clip.translations[-1:].expand(58, -1, -1))
+    assert repr(w) == "Window('clip_000[64:128]', 64 frames, 6 of them its own)"
+
+
+def test_windows_that_cannot_be(walks):
+    with pytest.raises(mk.MotionKitError, match="no clip has 200 frames; the longest has 130: choose a smaller"):
+        walks.windows(200)
+    for length, stride in ((0, 1), (8, 0), (2.5, 1), (True, 1)):
+        with pytest.raises(mk.MotionKitError, match="is a number of frames from 1"):
+            walks.windows(length, stride)
+    with pytest.raises(mk.MotionKitError, match="short is 'skip' or 'pad'; found 'cut'"):
+        walks.windows(8, short="cut")
+    with pytest.raises(
+        mk.MotionKitError, match=r"split the dataset first: train, validation, test = dataset.split\(\)"
+    ):
+        walks.windows(8).split(by="take")
+
+
+def test_a_batch_is_its_windows_together(walks):
+    windows = walks.windows(64, 32, "pad")
+    chosen = [windows[n] for n in (4, 0, 2, 1)]
+    batch = collate(chosen)
+    assert batch.rotations.shape == (4, 64, 22, 4) and batch["translations"].shape == (4, 64, 22, 3)
+    for n, w in enumerate(chosen):
+        assert torch.equal(batch.rotations[n], w.motion.rotations)
+        assert torch.equal(batch.translations[n], w.motion.translations)
+        assert torch.equal(batch.contacts[n], w.contacts) and batch.contacts.dtype == torch.bool
+        assert torch.equal(batch.phase[n], w.recording.tracks["phase"])
+        assert torch.equal(batch.mask[n], w.valid)
+        assert walks.vocabulary["style"][batch.style[n]] == w.style and batch.style.dtype == torch.long
+    assert batch.names == [w.name for w in chosen] and batch.texts == [w.clip.texts for w in chosen]
+    assert all(batch[name].is_contiguous() for name in ("rotations", "translations", "phase"))
+    with pytest.raises(AttributeError, match="this batch has no 'rotation'; it has rotations, translations"):
+        _ = batch.rotation
+    double = batch.to(torch.float64)
+    assert double.rotations.dtype == torch.float64 and double.names is batch.names and type(double) is type(batch)
+
+
+def test_whole_clips_are_padded_to_the_longest(walks):
+    batch = collate(list(walks))
+    assert batch.rotations.shape == (5, 130, 22, 4) and batch.mask.sum(1).tolist() == [70, 0, 64, 63, 130]
+    assert torch.equal(batch.rotations[3, :63], walks[3].motion.rotations)
+    assert torch.equal(batch.rotations[3, 63:], walks[3].motion.rotations[-1:].expand(67, -1, -1))
+    assert torch.isfinite(batch.rotations).all()
+
+
+def test_features_are_those_of_each_windows_own_frames(walks):
+    layout = mk.features.FacingFree()
+    loader = batches(walks.windows(40, short="pad"), 3, features=layout)
+    windows = {w.name: w for w in loader.dataset}
+    for batch in loader:
+        for x, mask, name in zip(batch.features, batch.mask, batch.names):
+            expected = layout.encode(windows[name].motion[: int(mask.sum())])
+            torch.testing.assert_close(x[mask], expected, rtol=0, atol=0)
+            assert torch.equal(x[~mask], expected[-1:].expand(int((~mask).sum()), -1))
+
+
+def test_ids_are_the_same_in_every_part_of_a_split(walks):
+    part = walks.filter(style="sad")
+    assert part.styles == ("sad",) and part.vocabulary["style"] == ("old", "proud", "sad")
+    assert collate([part[0]]).style.tolist() == [2] == next(iter(batches(part, 1))).style.tolist()
+
+
+def test_an_epoch_has_every_window_once_and_a_seed_is_an_order(walks):
+    windows = walks.windows(16, 8)
+    loader = batches(windows, 10, seed=1)
+    epochs = [[name for batch in loader for name in batch.names] for _ in range(2)]
+    assert sorted(epochs[0]) == sorted(epochs[1]) == sorted(w.name for w in windows) and epochs[0] != epochs[1]
+    assert len(loader) == -(-len(windows) // 10)
+    again = batches(windows, 10, seed=1)
+    assert [[name for batch in again for name in batch.names] for _ in range(2)] == epochs
+    other = batches(windows, 10, seed=2)
+    assert [name for batch in other for name in batch.names] != epochs[0]
+
+
+@pytest.mark.parametrize("by, groups", [("style", 3), ("content", 2), (("content", "style"), 5)])
+def test_balanced_batches(by, groups):
+    kinds = [("walk", "old")] * 20 + [("walk", "sad")] * 3 + [("run", "old")] * 2 + [("run", "new")] + [("walk", "new")]
+    ds = made([Labels(content, style, ()) for content, style in kinds])
+    sampler = BalancedSampler(ds, by, seed=5)
+    keys = (by,) if isinstance(by, str) else by
+    for _ in range(2):
+        drawn = list(sampler)
+        assert len(drawn) == len(sampler) == len(ds)
+        values = [tuple(getattr(ds[n], key) for key in keys) for n in drawn]
+        counts = Counter(values)
+        assert len(counts) == groups and max(counts.values()) - min(counts.values()) <= 1
+        assert all(len(set(values[n : n + groups])) == groups for n in range(0, len(ds) - groups, groups))
+        for value in counts:  # all of a label's clips come before one comes again
+            clips = [n for n, v in zip(drawn, values) if v == value]
+            there = sum(tuple(getattr(c, key) for key in keys) == value for c in ds)
+            assert len(set(clips[:there])) == min(there, len(clips))
+    assert list(BalancedSampler(ds, by, seed=5)) != drawn
+    first = next(iter(batches(ds, groups, balanced=by)))
+    assert len(set(zip(*(first[key].tolist() for key in keys)))) == groups
+
+
+def test_balanced_windows_count_windows():
+    windows = lengths([400, 20, 20]).windows(10)
+    styles = Counter(s for batch in batches(windows, 11, balanced="style") for s in batch.style.tolist())
+    assert max(styles.values()) - min(styles.values()) <= 1 and len(styles) == 3
+
+
+def test_torchs_own_loader_and_other_processes_take_them(walks):
+    windows = walks.windows(32)
+    there = pickle.loads(pickle.dumps(windows))
+    assert isinstance(there, Windows) and torch.equal(there[3].motion.rotations, windows[3].motion.rotations)
+    batch = next(iter(DataLoader(there, 4, collate_fn=collate)))
+    assert torch.equal(batch.rotations[3], windows[3].motion.rotations)
+
+
+@pytest.mark.parametrize("other", [Made(1, joints=3), Made(1, fps=60.0), Made(1, phase=True)])
+def test_clips_that_differ_share_no_batch(other):
+    items = [Item("a", Labels("walk", "old", ()), Made(0)), Item("b", Labels("walk", "old", ()), other)]
+    ds = of_items("mixed", items)
+    message = r"one skeleton and frame rate are needed here, but 'a' has Skeleton\(2 joints.*, and 'b' has .*retarget"
+    for attempt in (lambda: batches(ds.windows(2), 2), lambda: collate(list(ds)), lambda: ds.skeleton):
+        with pytest.raises(mk.MotionKitError, match=message):
+            attempt()
+    assert len(ds[0].motion) == len(ds[1].motion) and len(list(batches(ds[:1], 2))) == 1
+
+
+def test_batches_of_nothing(walks):
+    with pytest.raises(mk.MotionKitError, match="no clips, so no skeleton"):
+        batches(walks[:0], 2)
+    with pytest.raises(mk.MotionKitError, match=r"made of a dataset or of its windows\(...\); found list"):
+        batches([], 2)
+    with pytest.raises(mk.MotionKitError, match="size is a number of samples from 1; found 0"):
+        batches(walks, 0)
+    with pytest.raises(mk.MotionKitError, match="balanced must be 'style', .*found 'performer'"):
+        batches(walks, 2, balanced="performer")
+    with pytest.raises(mk.MotionKitError, match="from one dataset"):
+        collate([walks[0], lengths([5])[0]])
