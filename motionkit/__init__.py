@@ -29,6 +29,7 @@ _LAZY = {
     "contacts": None,
     "datasets": None,
     "methods": None,
+    "retarget": "retargeting",
     "viewer": None,
     "exercises": None,
 }
@@ -47,6 +48,7 @@ __all__ = [
     "kinematics",
     "load",
     "methods",
+    "retarget",
     "rotations",
     "save",
     "scene",

@@ -8,6 +8,7 @@ from torch import Tensor
 from .. import kinematics
 from .. import rotations as rot
 from ..motion import Motion
+from ..retargeting.matching import trunk
 from ..skeleton import Skeleton
 
 _LIMBS = {
@@ -21,24 +22,6 @@ _LIMBS = {
 _PASSES = 4  # the torso turns above the pelvis, which it starts from: each pass leaves about a third of the error
 
 
-def _trunk(skeleton: Skeleton) -> tuple[list[int], list[int]]:
-    """Midline joints above the pelvis up to the chest, where the arms leave, and those above it (neck, head)."""
-    left, right = skeleton.roles.get("left_shoulder"), skeleton.roles.get("right_shoulder")
-    if left is None or right is None:
-        return [], []
-    shared = [a for a, b in zip(skeleton.chain(left), skeleton.chain(right), strict=False) if a == b]
-    if skeleton.pelvis not in shared:
-        return [], []
-    spine = shared[shared.index(skeleton.pelvis) + 1 :]
-    above, joint = [], shared[-1]
-    while True:
-        ahead = [c for c in skeleton.children[joint] if skeleton.sides[c] == "middle"]
-        if not ahead:
-            return spine, above
-        joint = ahead[0]
-        above.append(joint)
-
-
 def bone_names(skeleton: Skeleton) -> list[str]:
     """The bones that the joint names of a skeleton tell: torso, head, and both sides' limbs.
 
@@ -46,7 +29,7 @@ def bone_names(skeleton: Skeleton) -> list[str]:
     >>> bone_names(smpl())[:4]
     ['torso', 'head', 'left_thigh', 'left_shank']
     """
-    spine, above = _trunk(skeleton)
+    spine, above = trunk(skeleton)
     names = ["torso"] * bool(spine) + ["head"] * (len(above) > 1)
     for side in ("left", "right"):
         for bone, ends in _LIMBS.items():
@@ -66,7 +49,7 @@ def bone_directions(motion: Motion, names: list[str]) -> Tensor:
     True
     """
     skeleton, places = motion.skeleton, motion.positions()
-    roles, (_, above) = skeleton.roles, _trunk(skeleton)
+    roles, (_, above) = skeleton.roles, trunk(skeleton)
     found = []
     for name in names:
         if name == "torso":
@@ -104,7 +87,7 @@ def turn_bones(motion: Motion, names: list[str], wanted: Tensor) -> Motion:
 def _turned(motion: Motion, names: list[str], turns: Tensor) -> Motion:
     """Every joint turned in the world by its bone's rotation in `turns` [F, B, 4], or by that of the joint above it."""
     skeleton = motion.skeleton
-    spine, above = _trunk(skeleton)
+    spine, above = trunk(skeleton)
     mover: dict[int, int] = {}
     for n, name in enumerate(names):
         side, _, bone = name.partition("_")
