@@ -17,6 +17,7 @@ from ..errors import MotionKitError
 from .batches import BalancedSampler, Batch, batches, collate
 from .corpus import Corpus, build_cache
 from .dataset import Clip, Dataset
+from .shards import in_order
 from .sources import BvhSource, Item, Labels, Recording
 from .splits import Split
 from .store import open_store
@@ -116,10 +117,5 @@ def of_items(name: str, items: Sequence[Item]) -> Dataset:
     >>> of_items("mine", [Item("walk_1", Labels("walk", "neutral", ("a person walks",)), source)])
     Dataset('mine', 1 clips, 1 contents, 1 styles)
     """
-    items = sorted(items, key=lambda item: item.name)
-    for item, after in zip(items, items[1:]):
-        if item.name == after.name:
-            raise MotionKitError(f"dataset {name!r}: two clips are called {item.name!r}; give each a name of its own")
-    if not items:
-        raise MotionKitError(f"dataset {name!r} has no clips; list at least one")
+    items = in_order(name, items)
     return Dataset(name, open_store(name, items), tuple(item.labels for item in items))

@@ -13,7 +13,7 @@ from pathlib import Path
 from ..errors import MotionKitError
 from ..files import write_atomic
 from .dataset import Dataset
-from .shards import FORMAT, cut_into, forget, key_of, read_shard, write_shards
+from .shards import FORMAT, Shard, cut_into, forget, in_order, key_of, read_shard, relabel, write_shards
 from .sources import Item
 from .store import Store, make_folder
 
@@ -86,10 +86,11 @@ def build_cache(
     """Read any number of clips into a folder of shards, on all cores; memory stays small however many there are.
 
     root: a folder of BVH files or a zip, read as dataset `dataset` with `options`, as in `load` (files of a "folder"
-    may be called anything; `pattern` or `table` gives them labels); or a list of items. out: the folder to write. shard_clips: clips a file. bad: `stop` at the first clip that cannot be read, or `skip`
-    it with a warning. It may be stopped at any moment (Ctrl-C); called again, it goes on after the last whole shard,
-    and makes again what is damaged or whose clips have changed. Under `joblib.parallel_config("dask")` a cluster
-    reads. Returns the opened `Corpus`; MotionKitError says what is wrong and where.
+    may be called anything; `pattern` or `table` gives them labels); or a list of items. out: the folder to write.
+    shard_clips: clips a file. bad: `stop` at the first clip that cannot be read, or `skip` it with a warning. It may be
+    stopped at any moment (Ctrl-C); called again, it goes on after the last whole shard, and makes again what is damaged
+    or whose clips have changed. Under `joblib.parallel_config("dask")` a cluster reads. Returns the opened `Corpus`;
+    MotionKitError says what is wrong and where.
 
     >>> import tempfile
     >>> from motionkit.datasets import BvhSource, Labels
@@ -103,22 +104,24 @@ def build_cache(
         raise MotionKitError(
             f"build_cache: bad is 'stop' or 'skip', shard_clips a number from 1; found {bad!r}, {shard_clips!r}"
         )
-    items, out = _items(root, dataset, options), Path(out).expanduser()
-    if not items:
-        raise MotionKitError(f"{root}: no clips for a corpus; give a folder that has some below it")
+    items, out = in_order(dataset, _items(root, dataset, options)), Path(out).expanduser()
     make_folder(out, "choose another folder for the corpus")
     parts = [(out / _name(n), part) for n, part in enumerate(cut_into(items, shard_clips))]
     keys = [key_of(part) for _, part in parts]
     plan = {"format": FORMAT, "name": dataset, "keys": keys}
     write_atomic(out / _PLAN, json.dumps(plan))
-    write_shards([part for part, key in zip(parts, keys, strict=True) if not _is_whole(part[0], key)], bad)
+    whole = [_whole(path, key) for (path, _), key in zip(parts, keys, strict=True)]
+    write_shards([part for part, shard in zip(parts, whole, strict=True) if shard is None], bad)
+    for shard, (_, part) in zip(whole, parts, strict=True):
+        if shard is not None:
+            relabel(shard, part)
     _tidy(out, len(parts))
     return Corpus.open(out)
 
 
 def _items(root: str | os.PathLike | Sequence[Item], dataset: str, options: dict) -> Sequence[Item]:
     if not isinstance(root, str | os.PathLike):
-        return sorted(root, key=lambda item: item.name)
+        return root
     from . import items_of
 
     if dataset == "folder" and not options:
@@ -126,11 +129,13 @@ def _items(root: str | os.PathLike | Sequence[Item], dataset: str, options: dict
     return items_of(dataset, root, **options)
 
 
-def _is_whole(path: Path, key: str) -> bool:
+def _whole(path: Path, key: str) -> Shard | None:
+    """The shard that is there, if it is whole and made of the clips that it should be."""
     try:
-        return read_shard(path).key == key
+        shard = read_shard(path)
     except MotionKitError:
-        return False
+        return None
+    return shard if shard.key == key else None
 
 
 def _tidy(folder: Path, count: int) -> None:

@@ -61,6 +61,23 @@ def index_path(data: Path) -> Path:
     return data.with_suffix(".json")
 
 
+def in_order(name: str, items: Iterable[Item]) -> list[Item]:
+    """Items sorted by name; MotionKitError if there are none, or two of one name.
+
+    >>> in_order("mine", [])
+    Traceback (most recent call last):
+    ...
+    motionkit.errors.MotionKitError: dataset 'mine' has no clips; list at least one
+    """
+    found = sorted(items, key=lambda item: item.name)
+    if not found:
+        raise MotionKitError(f"dataset {name!r} has no clips; list at least one")
+    for item, after in zip(found, found[1:]):
+        if item.name == after.name:
+            raise MotionKitError(f"dataset {name!r}: two clips are called {item.name!r}; give each a name of its own")
+    return found
+
+
 def forget(data: Path) -> None:
     """Take a shard's index away, so that it is made again the next time."""
     with suppress(OSError):  # a cache that only others may write is theirs to mend
@@ -100,8 +117,21 @@ def write_shards(plan: Sequence[tuple[Path, Sequence[Item]]], bad: str = "stop")
             with open_atomic(path) as file:
                 clips, labels, size = _write_clips(file, zip(items, read), trees)
             index = {"format": FORMAT, "key": key_of(items), "bytes": size, "trees": list(map(json.loads, trees))}
-            index |= {"clips": clips, "labels": labels}
-            write_atomic(index_path(path), json.dumps({"checksum": _checksum(index), **index}))
+            _write_index(path, {**index, "clips": clips, "labels": labels})
+
+
+def relabel(shard: Shard, items: Iterable[Item]) -> None:
+    """Give a shard's clips the labels that their items have now; the data stay as they are."""
+    labels = {item.name: item.labels for item in items}
+    now = tuple(labels[clip.name] for clip in shard.clips)
+    if now != shard.labels:
+        index = json.loads(index_path(shard.path).read_bytes())
+        del index["checksum"]
+        _write_index(shard.path, {**index, "labels": now})
+
+
+def _write_index(path: Path, index: dict) -> None:
+    write_atomic(index_path(path), json.dumps({"checksum": _checksum(index), **index}))
 
 
 def _write_clips(file, read: Iterable[tuple], trees: dict[str, int]) -> tuple[list[list], list[Labels], int]:
