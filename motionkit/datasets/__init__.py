@@ -17,6 +17,8 @@ from ..errors import MotionKitError
 from .batches import BalancedSampler, Batch, batches, collate
 from .corpus import Corpus, build_cache
 from .dataset import Clip, Dataset
+from .encoded import Encoded
+from .fetch import fetch
 from .shards import in_order
 from .sources import BvhSource, Item, Labels, Recording
 from .splits import Split
@@ -31,6 +33,7 @@ __all__ = [
     "Clip",
     "Corpus",
     "Dataset",
+    "Encoded",
     "Item",
     "Labels",
     "Recording",
@@ -41,6 +44,7 @@ __all__ = [
     "batches",
     "build_cache",
     "collate",
+    "fetch",
     "items_of",
     "load",
     "names",
@@ -95,7 +99,7 @@ def load(name: str, root: str | os.PathLike | None = None, **options) -> Dataset
     read in place; left out, the environment variable MOTIONKIT_DATA says. options: what the dataset's reader takes
     beside these, as `pattern` for "folder". The first time all clips are read (about 10 s on two cores for
     Bandai-2) and kept in the cache folder (MOTIONKIT_CACHE, or the system's usual place); later it takes a moment.
-    Raises MotionKitError that says how to get the data if they are not there.
+    Raises MotionKitError that says how to get the data if they are not there; `fetch` gets Bandai-2.
 
     >>> load("bandai-2", root="data")
     Traceback (most recent call last):
