@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import torch
@@ -155,6 +155,10 @@ class Skeleton:
             tuple(self.channels[j] for j in joints),
             tuple((place[j], offset) for j, offset in self.end_sites if j in place),
         )
+
+    def as_float(self) -> Skeleton:
+        """The same skeleton with float32 offsets."""
+        return self if self.offsets.dtype == torch.float32 else replace(self, offsets=self.offsets.float())
 
     @cached_property
     def pelvis(self) -> int:

@@ -1,0 +1,160 @@
+"""A style is a point in a space of named physical parameters: how fast, how long the steps, how bent the back, ...
+
+Because the parameters are numbers with a meaning, styles can be mixed, weakened, exaggerated and invented.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+
+from ..errors import MotionKitError
+
+
+def _number(neutral: float, low: float, high: float, unit: str, about: str) -> float:
+    return field(default=neutral, metadata={"low": low, "high": high, "unit": unit, "about": about})
+
+
+@dataclass(frozen=True)
+class Style:
+    """How somebody moves. The defaults are neutral; `parameters()` lists range, unit and meaning of each number.
+
+    Angles in radians, lengths in leg lengths, times in beats (a beat is a step of the walk), "x" for factors.
+    Raises MotionKitError for a number that is not finite or out of its range.
+
+    >>> Style("hurried", tempo=1.3, lean=0.15).tempo
+    1.3
+    """
+
+    name: str = "neutral"
+    tempo: float = _number(1.0, 0.35, 1.9, "x", "pace of everything: steps, gestures, breath")
+    pauses: float = _number(0.0, 0.0, 0.9, "share", "how far the movement slows down once in every beat")
+    asymmetry: float = _number(0.0, -0.5, 0.5, "share", "a limp: left steps shorter and quicker than right ones")
+    variability: float = _number(1.0, 0.0, 5.0, "x", "how much each step and gesture differs from the last")
+    sharpness: float = _number(0.4, 0.0, 1.0, "share", "0: movements flow; 1: they snap from one pose to the next")
+    follow_through: float = _number(0.18, 0.0, 0.6, "beats", "how late hands and head come after the trunk")
+    step_length: float = _number(1.0, 0.2, 1.6, "x", "length of a step")
+    step_width: float = _number(0.13, 0.0, 0.6, "legs", "from the left foot's track to the right one's")
+    clearance: float = _number(0.03, 0.0, 0.45, "legs", "how high a swinging foot is lifted")
+    foot_roll: float = _number(0.85, 0.0, 1.1, "rad", "pitch of the foot as its toes leave the ground")
+    heel_strike: float = _number(0.3, 0.0, 0.5, "rad", "pitch of the foot as it lands on the heel")
+    toe_out: float = _number(0.12, -0.5, 0.8, "rad", "feet turned outwards")
+    knee_out: float = _number(0.08, -0.3, 0.9, "share", "knees pointing outwards")
+    crouch: float = _number(0.012, 0.0, 0.35, "legs", "how far the pelvis sinks into bent knees")
+    bob: float = _number(1.0, 0.0, 4.0, "x", "rise and fall of the pelvis in every step")
+    sway: float = _number(1.0, 0.0, 5.0, "x", "the pelvis moving over the standing foot")
+    hip_list: float = _number(0.06, 0.0, 0.35, "rad", "the pelvis dropping towards the swinging leg")
+    hip_turn: float = _number(0.1, 0.0, 0.45, "rad", "the pelvis turning with the legs")
+    shoulder_turn: float = _number(0.1, 0.0, 0.6, "rad", "the shoulders turning against the pelvis")
+    side_bend: float = _number(0.0, 0.0, 0.4, "rad", "the trunk rocking from side to side with the steps")
+    pelvis_tilt: float = _number(0.08, -0.4, 0.5, "rad", "the pelvis tipping forwards")
+    lean: float = _number(0.03, -0.3, 0.9, "rad", "the trunk leaning forwards")
+    slump: float = _number(0.05, -0.4, 0.9, "rad", "upper back and shoulders rounded (below 0: chest out)")
+    shoulder_lift: float = _number(0.0, -0.2, 0.45, "rad", "shoulders pulled up")
+    head_pitch: float = _number(0.04, -0.5, 0.9, "rad", "looking down")
+    head_tilt: float = _number(0.0, -0.5, 0.5, "rad", "the head to one side")
+    look: float = _number(0.08, 0.0, 0.9, "rad", "how far the head turns about")
+    arm_swing: float = _number(0.42, 0.0, 1.2, "rad", "the arms' swing to either side of where they hang")
+    arm_out: float = _number(0.13, -0.05, 1.3, "rad", "arms held away from the body")
+    arm_forward: float = _number(0.02, -0.5, 1.6, "rad", "where the arms hang, in front of the body")
+    arm_turn: float = _number(0.25, -1.2, 1.2, "rad", "upper arms turned inwards")
+    elbow_bend: float = _number(0.3, 0.02, 2.0, "rad", "bend of the elbows")
+    elbow_swing: float = _number(0.22, 0.0, 1.0, "rad", "more bend as the arm comes forwards")
+    hand_bend: float = _number(0.1, -1.0, 1.2, "rad", "hands bent in at the wrists")
+    reach: float = _number(1.0, 0.3, 1.3, "x", "how far gestures go: raised hands, kicks, jumps, bows")
+    wander: float = _number(0.0, 0.0, 1.5, "share", "losing the balance: the trunk drifts, the way bends")
+    tremor: float = _number(0.0, 0.0, 0.12, "rad", "hands and head trembling")
+
+    def __post_init__(self) -> None:
+        for name, about in parameters().items():
+            value = getattr(self, name)
+            if not isinstance(value, int | float) or not math.isfinite(value):
+                raise MotionKitError(
+                    f"style {self.name!r}: {name} must be a finite number ({about.about}); found {value!r}"
+                )
+            if not about.low <= value <= about.high:
+                raise MotionKitError(
+                    f"style {self.name!r}: {name} is {value:g} {about.unit}; expected {about.low:g} to {about.high:g} "
+                    f"({about.about})"
+                )
+
+    def replace(self, **changes: float) -> Style:
+        """The same style with some numbers changed; MotionKitError for an unknown one names the nearest.
+
+        >>> Style().replace(lean=0.2).lean
+        0.2
+        """
+        for name in changes:
+            if name != "name" and name not in parameters():
+                raise MotionKitError(f"no style parameter {name!r}; {nearest(name, parameters())}")
+        return replace(self, **changes)
+
+    def at(self, intensity: float) -> Style:
+        """The style at another strength: 0 is neutral, 1 as it is, 1.5 exaggerated, below 0 its opposite.
+
+        Numbers stay within their ranges.
+
+        >>> Style("x", lean=0.33).at(0.5).lean
+        0.18
+        """
+        return mix({self: intensity}, self.name if intensity == 1 else f"{self.name} x {intensity:g}")
+
+    def values(self) -> dict[str, float]:
+        """All numbers by name."""
+        return {name: float(getattr(self, name)) for name in parameters()}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """What a number of a style means, and where it may lie."""
+
+    neutral: float
+    low: float
+    high: float
+    unit: str
+    about: str
+
+
+def parameters() -> dict[str, Parameter]:
+    """Every number of a style by name.
+
+    >>> parameters()["tempo"].about
+    'pace of everything: steps, gestures, breath'
+    """
+    return _PARAMETERS
+
+
+_PARAMETERS = {f.name: Parameter(f.default, **f.metadata) for f in fields(Style) if f.name != "name"}
+
+
+def mix(shares: Mapping[Style, float], name: str = "mix") -> Style:
+    """Styles added up: neutral, plus for each style its share of the way there. Numbers stay within their ranges.
+
+    shares: style to share; two halves make the style in between, 1.5 of one exaggerates it. Raises MotionKitError for a
+    share that is not finite.
+
+    >>> a, b = Style("a", lean=0.23), Style("b", slump=0.25)
+    >>> both = mix({a: 0.5, b: 0.5})
+    >>> round(both.lean, 3), round(both.slump, 3)
+    (0.13, 0.15)
+    """
+    for style, share in shares.items():
+        if not isinstance(share, int | float) or not math.isfinite(share):
+            raise MotionKitError(f"the share of style {style.name!r} must be a finite number; found {share!r}")
+    numbers = {}
+    for key, about in parameters().items():
+        value = about.neutral + sum(k * (getattr(s, key) - about.neutral) for s, k in shares.items())
+        numbers[key] = round(min(max(value, about.low), about.high), 12)
+    return Style(name, **numbers)
+
+
+def nearest(name: object, known: Mapping | list) -> str:
+    """For error messages: the nearest of the known names, and all of them.
+
+    >>> nearest("tird", ["tired", "old"])
+    "did you mean 'tired'? There are tired, old"
+    """
+    close = difflib.get_close_matches(str(name), list(known), 1, 0.4)
+    return (f"did you mean {close[0]!r}? " if close else "") + f"There are {', '.join(known)}"
