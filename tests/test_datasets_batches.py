@@ -11,7 +11,7 @@ from made_clips import Made, lengths, made
 from torch.utils.data import DataLoader
 
 import motionkit as mk
-from motionkit.datasets import BalancedSampler, Item, Labels, Windows, batches, collate, of_items, store
+from motionkit.datasets import BalancedSampler, Encoded, Item, Labels, Windows, batches, collate, of_items, store
 
 
 @pytest.fixture(autouse=True)
@@ -107,9 +107,7 @@ def test_windows_that_cannot_be(walks):
             walks.windows(length, stride)
     with pytest.raises(mk.MotionKitError, match="short is 'skip' or 'pad'; found 'cut'"):
         walks.windows(8, short="cut")
-    with pytest.raises(
-        mk.MotionKitError, match="split the dataset first: train, validation, test = "
-    ):
+    with pytest.raises(mk.MotionKitError, match="split the dataset first: train, validation, test = "):
         walks.windows(8).split(by="take")
 
 
@@ -141,15 +139,28 @@ def test_whole_clips_are_padded_to_the_longest(walks):
     assert torch.isfinite(batch.rotations).all()
 
 
-def test_features_are_those_of_each_windows_own_frames(walks):
-    layout = mk.features.FacingFree()
-    loader = batches(walks.windows(40, short="pad"), 3, features=layout)
+@pytest.mark.parametrize("layout", [mk.features.FacingFree, mk.features.Graph])
+def test_features_are_cut_from_those_of_the_whole_clip(walks, layout, monkeypatch):
+    encoded = {clip.number: layout().encode(clip.motion) for clip in walks if len(clip)}
+    loader = batches(walks.windows(40, short="pad"), 3, features=layout())
     windows = {w.name: w for w in loader.dataset}
-    for batch in loader:
-        for x, mask, name in zip(batch.features, batch.mask, batch.names):
-            expected = layout.encode(windows[name].motion[: int(mask.sum())])
-            torch.testing.assert_close(x[mask], expected, rtol=0, atol=0)
-            assert torch.equal(x[~mask], expected[-1:].expand(int((~mask).sum()), -1))
+    for epoch in range(2):
+        for batch in loader:
+            for x, mask, name in zip(batch.features, batch.mask, batch.names):
+                w = windows[name]
+                expected = encoded[w.clip.number][w.start : w.start + w.frames]
+                assert torch.equal(x[mask], expected) and torch.equal(x[~mask], expected[-1:].expand_as(x[~mask]))
+        if not epoch:
+            monkeypatch.setattr(layout, "encode", lambda *_: pytest.fail("a clip was encoded again"))
+
+
+def test_features_of_clips_without_frames_and_in_other_processes(walks):
+    encoded = Encoded(walks, mk.features.SixD())
+    batch = collate(list(walks), encoded)
+    assert batch.features.shape == (5, 130, 135) and not batch.features[1].any() and batch.features[0].any()
+    there = pickle.loads(pickle.dumps(encoded))
+    assert torch.equal(collate([there.dataset[4]], there).features[0], batch.features[4])
+    assert torch.equal(collate([walks[4]], mk.features.SixD()).features[0], batch.features[4])
 
 
 def test_ids_are_the_same_in_every_part_of_a_split(walks):

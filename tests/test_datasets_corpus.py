@@ -25,7 +25,9 @@ from motionkit.datasets import store as stores
 
 
 def listed(count: int, **more) -> list[Item]:
-    labels = [Labels("walk", f"s{n % 3}", (f"text {n}",), f"p{n // 2 % 2}", f"t{n // 2}", "train") for n in range(count)]
+    labels = [
+        Labels("walk", f"s{n % 3}", (f"text {n}",), f"p{n // 2 % 2}", f"t{n // 2}", "train") for n in range(count)
+    ]
     return [Item(f"clip_{n:03d}", labels[n], Made(n, frames=3 + n, **more)) for n in range(count)]
 
 
@@ -183,6 +185,19 @@ def test_a_flipped_bit_is_found(tmp_path):
     with pytest.raises(mk.MotionKitError, match="shard-00002.f32: the cache is damaged at clip 'clip_005'; run .*"):
         corpus.check()
     same(build_cache(listed(6), tmp_path, shard_clips=2), listed(6))
+
+
+def test_data_cut_off_after_opening(tmp_path):
+    corpus = build_cache(listed(6), tmp_path, shard_clips=3)
+    path = tmp_path / "shard-00001.f32"
+    path.write_bytes(path.read_bytes()[:-8])
+    with pytest.raises(
+        mk.MotionKitError, match="shard-00001.f32: the data end before clip 'clip_005' does; run .*build"
+    ):
+        _ = corpus.windows(8)[-1].motion
+    (tmp_path / "shard-00000.f32").unlink()
+    with pytest.raises(mk.MotionKitError, match="shard-00000.f32: the data cannot be opened"):
+        _ = corpus[0].motion
 
 
 def test_changed_clips_and_shorter_lists(tmp_path):

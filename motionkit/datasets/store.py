@@ -112,7 +112,10 @@ class Store:
         shard, tree = self.places[number]
         width = self.widths[tree]
         first = self.clips[number].start + start * width
-        return self._map(shard)[first : first + (stop - start) * width].reshape(stop - start, width)
+        found = self._map(shard)[first : first + (stop - start) * width]
+        if len(found) != (stop - start) * width:
+            raise self._damage(shard, f"the data end before clip {self.clips[number].name!r} does")
+        return found.reshape(stop - start, width)
 
     def _map(self, shard: int) -> np.ndarray:
         found = self._maps.get(shard)
