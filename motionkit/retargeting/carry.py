@@ -41,17 +41,15 @@ def retarget(
     >>> mk.retarget(walk, smpl()).skeleton
     Skeleton(22 joints, root 'pelvis', height 1.74 m)
     """
-    clip, whole = (skeleton, skeleton.skeleton) if isinstance(skeleton, Motion) else (None, skeleton)
+    clip, whole = (skeleton.body(), skeleton.skeleton) if isinstance(skeleton, Motion) else (None, skeleton)
     _check(motion, whole, scale)
     names, origin = dict(names or {}), motion.body()
     hollow = whole if whole.pelvis == 0 else whole.part(whole.below(whole.pelvis))
     roles = shared_roles(origin.skeleton, hollow, names)
-    clip = clip.body() if clip is not None else None
     source = body_of(origin.skeleton, _bones(origin), roles[0])
-    target = body_of(hollow, hollow.offsets if clip is None else _bones(clip), roles[1])
-    links = match_joints(source, target, names)
-    upright = neutral(source, origin)
-    upright = upright, (upright if _same_rig(source, target) else neutral(target, clip))
+    target = body_of(hollow, _bones(clip) if clip else hollow.offsets, roles[1])
+    links, stance = match_joints(source, target, names), neutral(source, origin)
+    upright = stance, stance if _same_rig(source, target) else neutral(target, clip)
     scale = _leg_ratio(source, target) if scale is None else float(scale)
     result = _posed(origin, source, target, links, upright, scale)
     if feet and len(motion):
@@ -78,9 +76,14 @@ def _same_rig(source: Body, target: Body) -> bool:
     """Whether both have the same joints and every bone at rest points the same way, whatever its length."""
     if not source.skeleton.same_tree(target.skeleton):
         return False
-    parents = list(source.skeleton.parents[1:])
-    a, b = (p.places[1:] - p.places[parents] for p in (source, target))
-    return bool(torch.linalg.vector_norm(rot.normalize(a) - rot.normalize(b), dim=-1).max() < 1e-3)
+    a, b = (rot.normalize(_offsets(body)) for body in (source, target))
+    return bool(torch.linalg.vector_norm(a - b, dim=-1).max() < 1e-3)
+
+
+def _offsets(body: Body) -> Tensor:
+    """Every joint's place [J, 3] from its parent at rest, metres; the pelvis' is 0."""
+    parents = [max(p, 0) for p in body.skeleton.parents]
+    return body.places - body.places[parents]
 
 
 def _leg_ratio(source: Body, target: Body) -> float:
@@ -109,7 +112,9 @@ def _posed(
     hips = [_hips(body).to(dtype) for body in (source, target)]
     pelvis = origin.translations[:, 0] + rot.quaternion_rotate(origin.rotations[:, 0], hips[0])
     root = pelvis * scale - rot.quaternion_rotate(local[:, 0], hips[1])
-    return Motion.from_root(target.skeleton, rot.unroll(local), root, origin.fps)
+    translations = _offsets(target).to(dtype).expand(len(root), -1, -1).clone()
+    translations[:, 0] = root
+    return Motion(target.skeleton, rot.unroll(local), translations, origin.fps)
 
 
 def _hips(body: Body) -> Tensor:

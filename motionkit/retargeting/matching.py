@@ -118,9 +118,8 @@ def match_joints(source: Body, target: Body, names: Mapping[str, str | None]) ->
     for role, joint in target.roles.items():
         if role in source.roles:
             links[joint] = {source.roles[role]: 1.0}
-    chains = [(target.spine, source.spine), (target.neck, source.neck)]
-    for to, since in chains + [(target.collars[s], source.collars[s]) for s in SIDES]:
-        for joint, weights in zip(to, _shares(_lengths(target, to), _lengths(source, since)), strict=True):
+    for to, since in zip(_chains(target), _chains(source), strict=True):
+        for joint, weights in zip(to[:-1], _shares(_lengths(target, to), _lengths(source, since)), strict=True):
             links[joint] = {since[n]: w for n, w in weights.items()}
     used = {j for link in links for j in link}
     alike = {key: j for j, key in enumerate(zip(*anatomy.split_sides(source.skeleton.names), strict=True))}
@@ -133,13 +132,15 @@ def match_joints(source: Body, target: Body, names: Mapping[str, str | None]) ->
     return links
 
 
+def _chains(body: Body) -> list[list[int]]:
+    """Spine, neck and both collars, each with the joint (or again its last one) where its last bone ends."""
+    chains = [body.spine + (body.neck or body.spine)[:1], body.neck + body.neck[-1:]]
+    return chains + [c + [body.roles.get(f"{s}_shoulder", 0)] * bool(c) for s, c in body.collars.items()]
+
+
 def _lengths(body: Body, chain: Sequence[int]) -> list[float]:
-    """Lengths of the bones that leave a chain's joints, metres; the last one's runs on to what hangs on the chain."""
-    lengths = []
-    for joint in chain:
-        onward = [c for c in body.skeleton.children[joint] if c in chain] or list(body.skeleton.children[joint])[:1]
-        lengths.append(max(float((body.places[c] - body.places[joint]).norm()) for c in onward) if onward else 0.0)
-    return lengths
+    """Lengths in metres of the bones between neighbouring joints."""
+    return [float((body.places[b] - body.places[a]).norm()) for a, b in zip(chain, chain[1:], strict=False)]
 
 
 def _shares(target: Sequence[float], source: Sequence[float]) -> Links:

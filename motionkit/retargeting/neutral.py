@@ -17,6 +17,7 @@ from .. import rotations as rot
 from ..motion import Motion
 from .matching import SIDES, Body
 
+_LEG_LEAST, _ARM_LEAST = 0.5, -0.3  # cosine to its T-pose of a bone in a rest pose that is a body's: arms may hang
 _LEAST_BEND = 0.05  # mean sine of a knee's or elbow's angle: straighter, it does not tell where it bends
 _FLAT = (0.0, 60.0)  # degrees below level that a foot's bone may point at rest for the sole to be flat
 _SLOPE = 30.0  # degrees, of a foot's bone where neither the rest pose nor a clip tells
@@ -33,8 +34,8 @@ def neutral(body: Body, motion: Motion | None = None) -> Tensor:
     >>> bool(rot.quaternion_angle(upright, rot.identity_quaternion(22, dtype=upright.dtype)).max() < 0.25)
     True
     """
-    aims, clip = _aims(body), None
-    if motion is not None and len(motion):
+    aims, arms, clip = _aims(body), {body.roles.get(f"{s}_shoulder") for s in SIDES}, None
+    if motion is not None and len(motion) and not _stands(body, aims):
         clip = motion.positions().double(), motion.world_rotations().double()
     found = [_pelvis(body)]
     for joint in range(1, len(body.skeleton)):
@@ -42,6 +43,7 @@ def neutral(body: Body, motion: Motion | None = None) -> Tensor:
         turn, axis = found[parent], _vector(0.0, 1.0, 0.0)
         if joint in aims:
             end, axis = aims[joint]
+            turn = found[body.chest] if joint in arms else turn  # a sloping collar would twist the arm
             turn = _turned_to(turn, body.places[end] - body.places[joint], axis)
         elif joint in body.spine[:1]:
             turn = rot.quaternion_multiply(_quarter(axis, _shoulders_against_hips(body, turn)), turn)
@@ -76,6 +78,16 @@ def _aims(body: Body) -> dict[int, tuple[int, Tensor]]:
         for joint, after in zip(chain, [*chain[1:], roles.get(f"{side}_shoulder", -1)], strict=False):
             aims[joint] = after, out
     return aims
+
+
+def _stands(body: Body, aims: dict[int, tuple[int, Tensor]]) -> bool:
+    """Whether the rest pose is that of a standing body, whatever the arms do: then it tells all turns by itself."""
+    upright = _pelvis(body)
+    for joint, (end, aim) in aims.items():
+        bone = rot.normalize(rot.quaternion_rotate(upright, body.places[end] - body.places[joint]))
+        if float(bone @ aim) < (_LEG_LEAST if float(aim[1]) else _ARM_LEAST):
+            return False
+    return abs(_shoulders_against_hips(body, upright)) < math.pi / 4
 
 
 def _pelvis(body: Body) -> Tensor:
