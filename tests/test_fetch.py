@@ -170,6 +170,16 @@ def test_a_download_given_up_goes_on_at_the_next_call(server, waits, tmp_path):
     assert server.asked[-1] == "bytes=10000-"
 
 
+def test_a_short_answer_is_noticed_by_its_length(tmp_path):
+    """Older versions of urllib3 end such an answer without a word."""
+    answer = types.SimpleNamespace(headers={"Content-Length": "10"}, iter_content=lambda size: [b"four"])
+    with pytest.raises(download._Broken, match="4 of 10 bytes came"):
+        download.Resuming(tmp_path / "part")._save(answer, 0)
+    answer.headers["Content-Length"] = "4"
+    download.Resuming(tmp_path / "part")._save(answer, 4)
+    assert (tmp_path / "part").read_bytes() == b"fourfour"
+
+
 def test_a_part_that_is_whole_or_of_something_else(server, tmp_path):
     for content in (server.body, server.body + b"more"):
         (tmp_path / "x").mkdir(exist_ok=True)
