@@ -114,10 +114,7 @@ def of_items(name: str, items: Sequence[Item]) -> Dataset:
 
     Each item has a name, labels, and a source that makes its motion. Raises MotionKitError if two have one name.
 
-    >>> from pathlib import Path
-    >>> import motionkit as mk
-    >>> walk = Path("data/walk_neutral.bvh")
-    >>> source = BvhSource(str(walk), None, walk.stat().st_size, 1)
+    >>> source = BvhSource.at("data/walk_neutral.bvh")
     >>> of_items("mine", [Item("walk_1", Labels("walk", "neutral", ("a person walks",)), source)])
     Dataset('mine', 1 clips, 1 contents, 1 styles)
     """

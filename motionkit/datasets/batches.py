@@ -25,6 +25,10 @@ class Batch(dict):
     for frames that are the clip's own (those after them repeat its last pose). contacts: bool [B, F, K]; phase and
     other tracks [B, F, K] where the dataset has them. content, style: long [B], places in `dataset.vocabulary`. names,
     texts: for each sample its name, and all sentences. features: [B, F, D], where asked for.
+
+    >>> batch = Batch(mask=torch.ones(2, 8).bool(), names=["a", "b"]).to("cpu")
+    >>> batch.mask.shape, batch["names"]
+    (torch.Size([2, 8]), ['a', 'b'])
     """
 
     def __getattr__(self, name: str):
@@ -93,6 +97,12 @@ class BalancedSampler(Sampler[int]):
     by: `style`, `content` or `("content", "style")`. It draws rounds: in each, one sample of every label in random
     order, so that a batch is balanced too; a label's samples all come before one comes again. As many samples as
     `source` has. seed: says all orders; each pass has another one.
+
+    >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
+    >>> walks = {style: BvhSource.at(f"data/walk_{style}.bvh") for style in ("neutral", "old")}
+    >>> ds = of_items("walks", [Item(s, Labels("walk", s, ()), walk) for s, walk in walks.items()])
+    >>> sorted(ds[n].style for n in BalancedSampler(ds))
+    ['neutral', 'old']
     """
 
     def __init__(self, source: Windows | Dataset, by: str | tuple[str, ...] = "style", seed: int = 0) -> None:
@@ -146,7 +156,7 @@ def batches(
     first is read.
 
     >>> import motionkit as mk
-    >>> source = mk.datasets.BvhSource("data/walk_neutral.bvh", None, 1, 1)
+    >>> source = mk.datasets.BvhSource.at("data/walk_neutral.bvh")
     >>> item = mk.datasets.Item("walk_1", mk.datasets.Labels("walk", "neutral", ()), source)
     >>> windows = mk.datasets.of_items("mine", [item]).windows(64, stride=8)
     >>> [tuple(batch.rotations.shape) for batch in batches(windows, 6)]

@@ -6,6 +6,7 @@ name. Each knows its labels and a `source` that makes the motion when it is aske
 
 from __future__ import annotations
 
+import os
 import zipfile
 import zlib
 from dataclasses import dataclass, field
@@ -79,6 +80,19 @@ class BvhSource:
     changed: int
     start: int = 0
     stop: int | None = None
+
+    @classmethod
+    def at(cls, path: str | os.PathLike, start: int = 0, stop: int | None = None) -> BvhSource:
+        """The source of a file on disk; MotionKitError if there is none.
+
+        >>> BvhSource.at("data/walk_old.bvh", 10, 20).read().motion
+        Motion('walk_old', 10 frames at 30 fps, 0.3 s, 22 joints)
+        """
+        try:
+            state = os.stat(path)
+        except OSError as error:
+            raise MotionKitError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+        return cls(os.fspath(path), None, state.st_size, state.st_mtime_ns, start, stop)
 
     @property
     def state(self) -> str:
