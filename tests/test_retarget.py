@@ -190,7 +190,7 @@ def test_a_rest_pose_that_is_no_body_is_told_from_the_clip(walk):
     assert torch.allclose(knees, torch.tensor([[0.4, 0, 0], [-0.4, 0, 0]]).double())  # one leg points up, one down
     for found, wanted in ((mk.retarget(walk, truth), truth), (mk.retarget(truth, smpl()), walk)):
         apart, angle = errors(found, wanted)
-        assert apart < 0.001 and angle < 8  # the collars' slope at rest is lost
+        assert apart < 0.005 and angle < 8  # how high the soles are is a guess, and the collars' slope at rest is lost
     turned = mk.retarget(walk, truth.skeleton)  # without a clip the places are right, the twist may be off
     assert (turned.positions() - truth.positions()).norm(dim=-1).max() < 0.03
 
@@ -208,8 +208,9 @@ def test_there_and_back_over_another_number_of_joints(walk):
 
 @pytest.mark.parametrize("joint", LIMBS)
 def test_knees_and_elbows_bend_as_they_did(walk, joint):
-    apart = (flexion(mk.retarget(walk, cmu()), joint) - flexion(walk, joint)).abs()
-    assert flexion(walk, joint).max() > 40 and apart.max() < 1
+    loose, held = (flexion(mk.retarget(walk, cmu(), feet=f), joint) - flexion(walk, joint) for f in (False, True))
+    assert flexion(walk, joint).max() > 40 and loose.abs().max() < 0.01
+    assert held.abs().median() < 0.5 and held.abs().max() < 2.5  # knees give a little to keep the feet in place
 
 
 @pytest.mark.parametrize("joints", [1, 2, 5])
@@ -254,7 +255,8 @@ def test_a_helper_joint_above_the_pelvis_carries_or_stays(walk, channels, tmp_pa
     assert torch.allclose(result.body().positions(), walk.positions(), atol=1e-6)
     mk.save(result, tmp_path / "helped.bvh")
     read = mk.load(tmp_path / "helped.bvh", metres_per_unit=1.0)
-    assert torch.allclose(read.positions(), result.positions().to(read.rotations), atol=1e-4)
+    order = [read.skeleton.index(name) for name in rig.names]
+    assert torch.allclose(read.positions()[:, order], result.positions().float(), atol=1e-4)
     assert (mk.retarget(result, smpl()).positions() - walk.positions()).abs().max() < 1e-6
 
 
@@ -268,8 +270,8 @@ def test_feet_stay_where_they_stand_on_longer_legs_and_wider_hips(walk):
     rig = Skeleton(big.names, big.parents, offsets)
     contacts = foot_contacts(walk)
     loose, held = mk.retarget(walk, rig, feet=False), mk.retarget(walk, rig)
-    assert foot_sliding(loose, contacts) > 3 * foot_sliding(held, contacts)
-    assert foot_sliding(held, contacts) < 1.2 * foot_sliding(walk, contacts) + 0.1
+    own = foot_sliding(walk, contacts) * 1.14  # its legs are that much longer
+    assert foot_sliding(held, contacts) < 1.05 * own < 0.7 * foot_sliding(loose, contacts)
     heights = held.positions()[:, feet_of(held), 1]
     soles = torch.tensor([0.08, 0.02, 0.08, 0.02])
     assert heights.min(0).values.sub(soles).min() > -0.01
@@ -358,8 +360,13 @@ def test_captures_keep_their_feet_on_the_ground(clips):
         slid = foot_sliding(source, contacts)
         assert foot_sliding(result, contacts) < max(2.0, 1.1 * slid)
         places = result.positions()[:, feet_of(result), 1]
-        assert places[:, [1, 3]].min() > 0.02 - 0.015 and places.min() > 0  # the toe's joint is 2 cm over the sole
-        assert abs(float(places[:, [1, 3]][contacts[:, [1, 3]]].median()) - 0.02) < 0.003
+        toes = places[:, [1, 3]]
+        assert toes.min() > 0.02 - 0.005  # the toe's joint is 2 cm over the sole
+        floor = [
+            torch.quantile(t[contacts[:, [1, 3]]], 0.02)
+            for t in (toes, source.positions()[:, feet_of(source), 1][:, [1, 3]])
+        ]
+        assert abs(float(floor[0]) - 0.02) < 0.002
 
 
 def test_captures_do_not_pop(clips):

@@ -9,7 +9,7 @@ from ..contacts import _pelvis_drop, _sunk, foot_contacts, two_bone_ik
 from ..motion import Motion
 from .matching import SIDES, Body, Links
 
-_SOLE = 0.08  # of a leg's length: a toe that is higher at rest does not stand on the ground there
+_SOLE = 0.05  # of the height: a toe that is higher at rest does not stand on the ground there
 
 
 def stand(result: Motion, origin: Motion, target: Body, source: Body, links: Links, scale: float) -> Motion:
@@ -27,9 +27,14 @@ def stand(result: Motion, origin: Motion, target: Body, source: Body, links: Lin
     before = origin.positions()[:, [s for _, s in flat]] * scale
     gaps = result.positions()[:, [t for t, _ in flat]] - before  # [F, K, 3]: constant while a foot does not slide
     columns = torch.arange(len(flat)).split([len(foot) for foot in pairs])
-    soles = [_sole(body, [foot[-1][n] for foot in pairs]) for n, body in enumerate((target, source))]
-    levels = _levels(gaps, before, contacts, columns, (soles[0], soles[1] and soles[1] * scale))
-    shifts = [_correction(gaps[:, c], levels[c], contacts[:, c]) for c in columns]
+    outer = [int(c[-1]) for c in columns]
+    heights, stands = before[:, outer, 1], contacts[:, outer]
+    ground = float(torch.quantile(heights[stands] if bool(stands.any()) else heights.flatten(), 0.02))
+    level = _level(ground, _sole(target, pairs, 0), _sole(source, pairs, 1), scale)
+    shifts = [_correction(gaps[:, c], contacts[:, c], level) for c in columns]
+    for n, shift in enumerate(shifts):  # a longer foot dips deeper as it swings: no deeper than to the ground
+        under = heights[:, n].clamp(max=ground) + level - (heights[:, n] + gaps[:, outer[n], 1] + shift[:, 1])
+        shift[:, 1] += under.clamp(min=0)
     legs = [tuple(target.skeleton.chain(foot[0][0])[-3:]) for foot in pairs]
     return _moved(result, legs, shifts, [contacts[:, c].any(1) for c in columns])
 
@@ -47,73 +52,51 @@ def _foot_pairs(target: Body, source: Body, links: Links) -> list[list[tuple[int
     return feet
 
 
-def _levels(
-    gaps: Tensor,
-    before: Tensor,
-    contacts: Tensor,
-    columns: tuple[Tensor, ...],
-    soles: tuple[float | None, float | None],
-) -> Tensor:
-    """The gap in height [K] that each foot joint is to have while it stands: the same for both feet.
+def _level(ground: float, target: float | None, source: float | None, scale: float) -> float:
+    """How much higher the outermost foot joints are to stand than the source's do, times the scale; metres.
 
-    gaps, before: [F, K, 3] metres. contacts: bool [F, K]. columns: the K of each leg, ankle first. soles: how high the
-    outermost joints are over the ground at rest, on the target and on the source, where known. They stand that high,
-    or else as high as the source's do. What is nearer to the ankle stands above them as the foot's shape has it.
+    ground: how high the source's stand in the clip, times the scale. target, source: how high they are over the ground
+    at rest, where known. So they stand as high as at rest, or else as high as the source's.
     """
-    levels = gaps.new_zeros(gaps.shape[1])
-    outer = [int(c[-1]) for c in columns]
-    height = _typical(before[..., 1], contacts, outer)
-    wanted = 0.0 if soles[0] is None else soles[0] - (height if soles[1] is None else soles[1])
-    lift = wanted - _typical(gaps[..., 1], contacts, outer)
-    for place in range(max(map(len, columns))):
-        mine = [int(c[-1 - place]) for c in columns if len(c) > place]
-        levels[mine] = _typical(gaps[..., 1], contacts, mine) + lift
-    return levels
+    if target is None:
+        return 0.0
+    return target - (ground if source is None else source * scale)
 
 
-def _typical(values: Tensor, contacts: Tensor, columns: list[int]) -> float:
-    """The median of some columns of [F, K] over the frames that stand, or over all where none does."""
-    chosen, stands = values[:, columns], contacts[:, columns]
-    return float((chosen[stands] if bool(stands.any()) else chosen).median())
+def _sole(body: Body, pairs: list[list[tuple[int, int]]], which: int) -> float | None:
+    """How high above the ground a body's outermost foot joints are in the rest pose; None if that stands elsewhere."""
+    heights = body.places[:, 1] + float(body.skeleton.offsets[0, 1])
+    sole = float(heights[[foot[-1][which] for foot in pairs]].mean())
+    return sole if float(heights.min()) > -1e-3 and sole < _SOLE * body.skeleton.height else None
 
 
-def _sole(body: Body, joints: list[int]) -> float | None:
-    """How high above the ground some foot joints are in the rest pose, metres; None where that does not stand there."""
-    heights = body.places[joints, 1] + float(body.skeleton.offsets[0, 1])
-    sole, lowest = float(heights.mean()), float(body.places[:, 1].min() + body.skeleton.offsets[0, 1])
-    leg = body.bone("left_hip", "left_knee") + body.bone("left_knee", "left_ankle")
-    return sole if lowest >= -1e-3 and sole <= _SOLE * leg else None
-
-
-def _correction(gaps: Tensor, levels: Tensor, stands: Tensor) -> Tensor:
+def _correction(gaps: Tensor, stands: Tensor, level: float) -> Tensor:
     """How far to shift a leg's end, [F, 3], so that its gap to the source's stays as it is while the foot stands.
 
-    gaps: [F, k, 3] of its foot joints, from the ankle outwards; levels: [k] the gaps in height to have; stands: bool
-    [F, k]. In each contact the shift is 0 on average over the ground; before the first and after the last it holds.
+    gaps: [F, k, 3] of its foot joints, from the ankle outwards; stands: bool [F, k]; level: the gap in height that the
+    outermost is to have. In each contact the shift is 0 on average over the ground. The outermost joint alone tells the
+    height: where the ankle is over the ground changes as the foot rolls. Before the first and after the last it holds.
     """
-    frames, planted = len(gaps), stands.any(1)
-    if not bool(planted.any()):
-        up = (levels[-1] - gaps[:, -1, 1]).median()
-        return up * gaps.new_tensor([0.0, 1.0, 0.0]).expand(frames, 3)
-    outermost = stands.shape[1] - 1 - stands.flip(1).int().argmax(1)  # toes roll last
-    rows = torch.arange(frames)
-    steps = torch.zeros_like(gaps[:, 0])
+    planted, up = stands.any(1), level - gaps[:, -1, 1]
     both = stands[1:] & stands[:-1]
-    last = both.shape[1] - 1 - both.flip(1).int().argmax(1)
-    steps[1:] = (gaps[1:] - gaps[:-1])[rows[1:] - 1, last] * both.any(1)[:, None]
+    last = both.shape[1] - 1 - both.flip(1).int().argmax(1)  # toes roll last
+    steps = torch.zeros_like(gaps[:, 0])
+    steps[1:] = (gaps[1:] - gaps[:-1])[torch.arange(len(both)), last] * both.any(1)[:, None]
     walk = -steps.cumsum(0)
-    up = levels[outermost] - gaps[rows, outermost, 1]
     shift = torch.zeros_like(walk)
     number = (torch.diff(planted.int(), prepend=planted.new_zeros(1).int()) == 1).cumsum(0)
     for n in range(1, int(number.max()) + 1):
         mine = planted & (number == n)
         shift[mine] = walk[mine] - walk[mine].mean(0)
-        shift[mine, 1] += up[mine].mean()
-    return _bridged(shift, planted)
+    shift, tells = _bridged(shift, planted), stands[:, -1]
+    shift[:, 1] = _bridged(up[:, None], tells)[:, 0] if bool(tells.any()) else up.median()
+    return shift
 
 
 def _bridged(shift: Tensor, planted: Tensor) -> Tensor:
-    """Frames [F, 3] that are not planted filled in from those around them, easing from one to the next."""
+    """Frames [F, C] that are not planted filled in from those around them, easing from one to the next."""
+    if not bool(planted.any()):
+        return shift
     known = planted.nonzero()[:, 0]
     rows = torch.arange(len(shift))
     after = torch.searchsorted(known, rows).clamp(max=len(known) - 1)

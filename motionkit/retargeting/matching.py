@@ -118,8 +118,8 @@ def match_joints(source: Body, target: Body, names: Mapping[str, str | None]) ->
     for role, joint in target.roles.items():
         if role in source.roles:
             links[joint] = {source.roles[role]: 1.0}
-    for to, since in zip(_chains(target), _chains(source), strict=True):
-        for joint, weights in zip(to[:-1], _shares(_lengths(target, to), _lengths(source, since)), strict=True):
+    for (to, ends), (since, begins) in zip(_chains(target), _chains(source), strict=True):
+        for joint, weights in zip(to, _shares(_lengths(ends), _lengths(begins)), strict=True):
             links[joint] = {since[n]: w for n, w in weights.items()}
     used = {j for link in links for j in link}
     alike = {key: j for j, key in enumerate(zip(*anatomy.split_sides(source.skeleton.names), strict=True))}
@@ -132,15 +132,21 @@ def match_joints(source: Body, target: Body, names: Mapping[str, str | None]) ->
     return links
 
 
-def _chains(body: Body) -> list[list[int]]:
-    """Spine, neck and both collars, each with the joint (or again its last one) where its last bone ends."""
-    chains = [body.spine + (body.neck or body.spine)[:1], body.neck + body.neck[-1:]]
-    return chains + [c + [body.roles.get(f"{s}_shoulder", 0)] * bool(c) for s, c in body.collars.items()]
+def _chains(body: Body) -> list[tuple[list[int], Tensor]]:
+    """Spine, neck and both collars, each with the places [n + 1, 3] where their bones begin and the last one ends."""
+    roles, chains = body.roles, []
+    shoulders = [roles[f"{s}_shoulder"] for s in SIDES if f"{s}_shoulder" in roles]
+    collars = [(body.collars[s], [roles.get(f"{s}_shoulder", 0)]) for s in SIDES]
+    for chain, end in [(body.spine, shoulders), (body.neck, body.neck[-1:]), *collars]:
+        chains.append(
+            (chain, torch.cat((body.places[chain], body.places[end].mean(0, True))) if chain else body.places[:0])
+        )
+    return chains
 
 
-def _lengths(body: Body, chain: Sequence[int]) -> list[float]:
-    """Lengths in metres of the bones between neighbouring joints."""
-    return [float((body.places[b] - body.places[a]).norm()) for a, b in zip(chain, chain[1:], strict=False)]
+def _lengths(places: Tensor) -> list[float]:
+    """Lengths in metres of the bones between neighbouring places [n, 3]."""
+    return torch.linalg.vector_norm(places[1:] - places[:-1], dim=-1).tolist()
 
 
 def _shares(target: Sequence[float], source: Sequence[float]) -> Links:
