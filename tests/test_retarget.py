@@ -130,21 +130,16 @@ def rest_pose(kind: str) -> torch.Tensor:
 
 def along_x() -> torch.Tensor:
     """World turns [22, 4] after which every bone of the T-pose runs along x, those on the right along -x."""
-    skeleton = smpl()
-    axes = [rot.identity_quaternion(dtype=torch.float64)] * 22
-    forward, left, up = [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]
-    for joint, name in enumerate(skeleton.names):
-        side, sign = skeleton.sides[joint], -1.0 if skeleton.sides[joint] == "right" else 1.0
-        bone, second = up, [-x for x in left]
-        if side != "middle":
-            arm = any(w in name for w in ("collar", "shoulder", "elbow", "wrist"))
-            bone = [sign * x for x in (([sign, 0.0, 0.0]) if arm else [0.0, -1.0, 0.0])]
-            second = up if arm else left
-        rows = torch.tensor([bone, second], dtype=torch.float64)
-        matrix = torch.stack((rows[0], rows[1], torch.linalg.cross(rows[0], rows[1])))
-        axes[joint] = rot.matrix_to_quaternion(matrix)
-    assert forward == torch.linalg.cross(torch.tensor(left), torch.tensor(up)).tolist()
-    return torch.stack(axes)
+    skeleton, left, up = smpl(), torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 1.0, 0.0])
+    turns = []
+    for side, name in zip(skeleton.sides, skeleton.names, strict=True):
+        arm = any(w in name for w in ("collar", "shoulder", "elbow", "wrist"))
+        bone, second = (up, -left) if side == "middle" else (left, up) if arm else (-up, left)
+        if side == "right" and not arm:
+            bone = -bone
+        rows = torch.stack((bone, second, torch.linalg.cross(bone, second)))
+        turns.append(rot.matrix_to_quaternion(rows.double()))
+    return torch.stack(turns)
 
 
 def errors(found: Motion, truth: Motion) -> tuple[float, float]:
@@ -270,7 +265,8 @@ def test_feet_stay_where_they_stand_on_longer_legs_and_wider_hips(walk):
     rig = Skeleton(big.names, big.parents, offsets)
     contacts = foot_contacts(walk)
     loose, held = mk.retarget(walk, rig, feet=False), mk.retarget(walk, rig)
-    own = foot_sliding(walk, contacts) * 1.14  # its legs are that much longer
+    longer = (0.4 * 1.25 + 0.42) / (0.4 + 0.42)
+    own = foot_sliding(walk, contacts) * longer
     assert foot_sliding(held, contacts) < 1.05 * own < 0.7 * foot_sliding(loose, contacts)
     heights = held.positions()[:, feet_of(held), 1]
     soles = torch.tensor([0.08, 0.02, 0.08, 0.02])
@@ -362,11 +358,8 @@ def test_captures_keep_their_feet_on_the_ground(clips):
         places = result.positions()[:, feet_of(result), 1]
         toes = places[:, [1, 3]]
         assert toes.min() > 0.02 - 0.005  # the toe's joint is 2 cm over the sole
-        floor = [
-            torch.quantile(t[contacts[:, [1, 3]]], 0.02)
-            for t in (toes, source.positions()[:, feet_of(source), 1][:, [1, 3]])
-        ]
-        assert abs(float(floor[0]) - 0.02) < 0.002
+        floor = torch.quantile(toes[contacts[:, [1, 3]]], 0.02)
+        assert abs(float(floor) - 0.02) < 0.002
 
 
 def test_captures_do_not_pop(clips):
