@@ -70,7 +70,8 @@ def collate(samples: Sequence[Window | Clip], features: Layout | Encoded | None 
     batch = Batch(rotations=turns, translations=moves)
     batch["mask"] = torch.arange(frames) < torch.tensor(own)[:, None]
     for track, columns in dataset.store.tracks(numbers[0]).items():
-        batch[track] = rows[..., columns] > 0.5 if track == "contacts" else rows[..., columns].contiguous()
+        found = rows[..., columns]
+        batch[track] = torch.from_numpy(found > 0.5 if track == "contacts" else found.copy())
     for label in ("content", "style"):
         batch[label] = dataset.ids(label)[numbers]
     batch["names"] = [sample.name for sample in samples]
@@ -81,14 +82,14 @@ def collate(samples: Sequence[Window | Clip], features: Layout | Encoded | None 
     return batch
 
 
-def _rows(dataset: Dataset, numbers: list[int], starts: list[int], own: list[int], frames: int) -> Tensor:
+def _rows(dataset: Dataset, numbers: list[int], starts: list[int], own: list[int], frames: int) -> np.ndarray:
     """Rows [B, F, W]: each sample's own frames, then its last one again and again."""
     store = dataset.store
     rows = np.empty((len(numbers), frames, store.widths[store.places[numbers[0]][1]]), np.float32)
     for row, number, start, count in zip(rows, numbers, starts, own):
         row[:count] = store.rows(number, start, start + count)
         row[count:] = row[count - 1] if count else 0
-    return torch.from_numpy(rows)
+    return rows
 
 
 class BalancedSampler(Sampler[int]):

@@ -162,22 +162,27 @@ class Store:
         if stop is None:
             self.check(number)
             stop = clip.frames
-        rows = torch.from_numpy(self.rows(number, start, stop).astype(np.float32))
+        rows = np.array(self.rows(number, start, stop), np.float32)
         skeleton = self.skeleton(number)
         turns, moves = split_rows(rows, len(skeleton))
         name = clip.name if (start, stop) == (0, clip.frames) else f"{clip.name}[{start}:{stop}]"
         motion = Motion(skeleton, turns, moves, clip.fps, name, clip.metres_per_unit)
-        return Recording(motion, {track: rows[:, columns] for track, columns in self.tracks(number).items()})
+        tracks = {track: torch.from_numpy(rows[:, columns].copy()) for track, columns in self.tracks(number).items()}
+        return Recording(motion, tracks)
 
 
-def split_rows(rows: Tensor, joints: int) -> tuple[Tensor, Tensor]:
-    """Rows [..., W] to rotations [..., J, 4] and translations [..., J, 3].
+def split_rows(rows: np.ndarray, joints: int) -> tuple[Tensor, Tensor]:
+    """Rows [..., W] to rotations [..., J, 4] and translations [..., J, 3], copied.
 
-    >>> [tuple(part.shape) for part in split_rows(torch.zeros(8, 16), joints=2)]
+    NumPy copies, on one core: torch would share so small a job out to threads that wait longer than they work.
+
+    >>> [tuple(part.shape) for part in split_rows(np.zeros((8, 16)), joints=2)]
     [(8, 2, 4), (8, 2, 3)]
     """
-    turns = rows[..., : 4 * joints].unflatten(-1, (joints, 4)).contiguous()
-    return turns, rows[..., 4 * joints : 7 * joints].unflatten(-1, (joints, 3)).contiguous()
+    turns = np.ascontiguousarray(rows[..., : 4 * joints], np.float32)
+    moves = np.ascontiguousarray(rows[..., 4 * joints : 7 * joints], np.float32)
+    shape = (*rows.shape[:-1], joints)
+    return torch.from_numpy(turns.reshape(*shape, 4)), torch.from_numpy(moves.reshape(*shape, 3))
 
 
 def _skeleton_of(tree: dict) -> Skeleton:
