@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from .. import rotations as rot
 from ..contacts import _pelvis_drop, _sunk, foot_contacts, two_bone_ik
 from ..motion import Motion
 from .matching import SIDES, Body, Links
@@ -107,15 +108,20 @@ def _bridged(shift: Tensor, planted: Tensor) -> Tensor:
 
 
 def _moved(result: Motion, legs: list[tuple], shifts: list[Tensor], planted: list[Tensor]) -> Motion:
-    """The result with its pelvis moved by what the legs' shifts [F, 3] share, and the legs bent for the rest."""
-    weights = [p.to(s)[:, None] + 0.1 for p, s in zip(planted, shifts, strict=True)]
-    wide = max(1, round(result.fps * 0.1))
-    weights = [_softened(w, wide) for w in weights]
+    """The result with its pelvis moved by what the legs' shifts [F, 3] share, and the legs bent for the rest.
+
+    A straight knee opens or closes by many degrees for a centimetre, a bent one by few: the straighter leg counts more.
+    """
+    places, wide = result.positions(), max(1, round(result.fps * 0.1))
+    weights = []
+    for leg, stands in zip(legs, planted, strict=True):
+        a, b, c = (places[:, j] for j in leg)
+        bent = (1 - (rot.normalize(b - a) * rot.normalize(c - b)).sum(-1, keepdim=True)).clamp(min=0)
+        weights.append(_softened((stands[:, None] + 1.0) / (bent + 0.02), wide))
     common = sum(w * s for w, s in zip(weights, shifts, strict=True)) / sum(weights)
     common = _softened(common, wide)
     translations = result.translations.clone()
     translations[:, 0] = translations[:, 0] + common
-    places = result.positions()
     result = result.replace(translations=translations)
     if max(float((s - common).abs().max()) for s in shifts) < 1e-6:
         return result
