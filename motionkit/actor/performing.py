@@ -12,6 +12,7 @@ from torch import Tensor
 from ..errors import MotionKitError
 from ..motion import Motion
 from .body import Performer, performer_of
+from .captions import captions
 from .clock import beat_seconds, fine_axis, interpolate, seconds_of
 from .feet import move_foot
 from .gestures import gestures
@@ -155,8 +156,7 @@ def _length(score: Score, own: Style, person: Performer) -> float:
 def _tell(
     score: Score, content: str, style: Style, person: Performer, fps: float, frames: int | None = None
 ) -> Performance:
-    told = realise(score, style, person, fps, frames)
-    motion, contacts, beats = told
+    motion, contacts, beats = realise(score, style, person, fps, frames)
     name = f"{content.replace(', ', '-')}_{style.name}_{score.seed}"
     motion = replace(
         motion,
@@ -165,7 +165,8 @@ def _tell(
         translations=motion.translations.float(),
         name=name,
     )
-    return Performance(motion, contacts, beats, content, style, score.seed, person, score)
+    told = captions(content, style, score.seed, acts=score.acts)
+    return Performance(motion, contacts, beats, content, style, score.seed, person, score, told)
 
 
 def realise(
