@@ -1,75 +1,14 @@
 """Retargeting against known answers: the same walk on rigs with other names, orders, rest poses, sizes and joints."""
 
-import random
-import zipfile
-
 import pytest
 import torch
+from rigs import LIMBS, SIDES, along_x, cmu, flexion, other_name, rerigged, rest_pose
 
 import motionkit as mk
 from motionkit import Motion, MotionKitError, Skeleton
 from motionkit import rotations as rot
 from motionkit.contacts import feet_of, foot_contacts, foot_sliding
 from motionkit.skeleton import smpl
-
-SIDES = ("left", "right")
-LIMBS = {"knee": ("hip", "knee", "ankle"), "elbow": ("shoulder", "elbow", "wrist")}
-# name, parent, offset in units of a file as the CMU captures have them: T-pose with legs apart
-CMU = [
-    ("Hips", None, (0, 0, 0)),
-    ("LHipJoint", "Hips", (0, 0, 0)),
-    ("LeftUpLeg", "LHipJoint", (1.65, -1.8, 0.62)),
-    ("LeftLeg", "LeftUpLeg", (2.6, -7.13, 0)),
-    ("LeftFoot", "LeftLeg", (2.47, -6.78, 0)),
-    ("LeftToeBase", "LeftFoot", (0.2, -0.56, 2.1)),
-    ("RHipJoint", "Hips", (0, 0, 0)),
-    ("RightUpLeg", "RHipJoint", (-1.65, -1.8, 0.62)),
-    ("RightLeg", "RightUpLeg", (-2.6, -7.13, 0)),
-    ("RightFoot", "RightLeg", (-2.47, -6.78, 0)),
-    ("RightToeBase", "RightFoot", (-0.2, -0.56, 2.1)),
-    ("LowerBack", "Hips", (0, 0, 0)),
-    ("Spine", "LowerBack", (0.02, 2.03, -0.19)),
-    ("Spine1", "Spine", (0.03, 2.03, 0.02)),
-    ("Neck", "Spine1", (0, 0, 0)),
-    ("Neck1", "Neck", (0, 1.6, 0.2)),
-    ("Head", "Neck1", (0, 1.7, -0.1)),
-    ("LeftShoulder", "Spine1", (0, 0, 0)),
-    ("LeftArm", "LeftShoulder", (3.3, 1.2, -0.1)),
-    ("LeftForeArm", "LeftArm", (4.9, 0, 0)),
-    ("LeftHand", "LeftForeArm", (3.5, 0, 0)),
-    ("LeftFingerBase", "LeftHand", (0, 0, 0)),
-    ("LeftHandIndex1", "LeftFingerBase", (0.7, 0, 0)),
-    ("LThumb", "LeftHand", (0.6, 0, 0.6)),
-    ("RightShoulder", "Spine1", (0, 0, 0)),
-    ("RightArm", "RightShoulder", (-3.3, 1.2, -0.1)),
-    ("RightForeArm", "RightArm", (-4.9, 0, 0)),
-    ("RightHand", "RightForeArm", (-3.5, 0, 0)),
-    ("RightFingerBase", "RightHand", (0, 0, 0)),
-    ("RightHandIndex1", "RightFingerBase", (-0.7, 0, 0)),
-    ("RThumb", "RightHand", (-0.6, 0, 0.6)),
-]
-OTHER_NAMES = {
-    "pelvis": "Hips",
-    "spine1": "Spine",
-    "spine2": "Chest",
-    "spine3": "UpperChest",
-    "neck": "Neck",
-    "head": "Head",
-    "hip": "Thigh",
-    "knee": "Shin",
-    "ankle": "Foot",
-    "foot": "Toe",
-    "collar": "Clavicle",
-    "shoulder": "UpperArm",
-    "elbow": "Forearm",
-    "wrist": "Hand",
-}
-
-
-def cmu() -> Skeleton:
-    names = [name for name, _, _ in CMU]
-    parents = tuple(names.index(p) if p else -1 for _, p, _ in CMU)
-    return Skeleton(tuple(names), parents, torch.tensor([o for _, _, o in CMU], dtype=torch.float32) * 0.056444)
 
 
 @pytest.fixture(scope="module")
@@ -91,72 +30,11 @@ def walk() -> Motion:
     return Motion.from_root(smpl(), rotations[:, order], motion.translations[:, 0].double(), motion.fps)
 
 
-def rerigged(motion: Motion, rest: torch.Tensor, rename=None) -> Motion:
-    """The very same motion on a rig whose rest pose is the T-pose turned by `rest` [J, 4], joints in another order."""
-    skeleton, order, todo = motion.skeleton, [], [0]
-    while todo:
-        order.append(todo.pop())
-        todo += skeleton.children[order[-1]]
-    above = [max(p, 0) for p in skeleton.parents]
-    offsets = rot.quaternion_rotate(rest[above], skeleton.offsets.double())
-    places = mk.kinematics.forward_kinematics(skeleton, rot.identity_quaternion(22), offsets)
-    offsets[0, 1] += skeleton.offsets[0, 1] - 0.94 - places[:, 1].min()  # with its toes as high as in T-pose
-    world = rot.quaternion_multiply(motion.world_rotations(), rot.quaternion_inverse(rest))
-    parents = tuple(order.index(skeleton.parents[j]) if j else -1 for j in order)
-    rig = Skeleton(tuple((rename or str)(skeleton.names[j]) for j in order), parents, offsets[order])
-    local = mk.kinematics.local_rotations(rig, world[:, order])
-    return Motion.from_root(rig, local, motion.translations[:, 0], motion.fps)
-
-
-def other_name(name: str) -> str:
-    side, _, bare = name.rpartition("_")
-    return side.capitalize() + OTHER_NAMES[bare]
-
-
-def rest_pose(kind: str) -> torch.Tensor:
-    """World turns [22, 4] from the T-pose to a rest pose."""
-    skeleton, rest = smpl(), rot.identity_quaternion(22, dtype=torch.float64)
-    x, y, z = torch.eye(3, dtype=torch.float64)
-    arms = {"T-pose": 0.0, "A-pose": 0.8, "arms-down": 1.45, "faces-x": 0.8}[kind]
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        for joint in skeleton.below(skeleton.index(f"{side}_shoulder")):
-            rest[joint] = rot.axis_angle_to_quaternion(z, torch.tensor(-arms * sign).double())
-        for joint in skeleton.below(skeleton.index(f"{side}_hip")):
-            rest[joint] = rot.axis_angle_to_quaternion(z, torch.tensor(0.3 * sign * (kind == "A-pose")).double())
-    if kind == "faces-x":
-        rest = rot.quaternion_multiply(rot.axis_angle_to_quaternion(y, torch.tensor(torch.pi / 2).double()), rest)
-    return rest
-
-
-def along_x() -> torch.Tensor:
-    """World turns [22, 4] after which every bone of the T-pose runs along x, those on the right along -x."""
-    skeleton, left, up = smpl(), torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 1.0, 0.0])
-    turns = []
-    for side, name in zip(skeleton.sides, skeleton.names, strict=True):
-        arm = any(w in name for w in ("collar", "shoulder", "elbow", "wrist"))
-        bone, second = (up, -left) if side == "middle" else (left, up) if arm else (-up, left)
-        if side == "right" and not arm:
-            bone = -bone
-        rows = torch.stack((bone, second, torch.linalg.cross(bone, second)))
-        turns.append(rot.matrix_to_quaternion(rows.double()))
-    return torch.stack(turns)
-
-
 def errors(found: Motion, truth: Motion) -> tuple[float, float]:
     """Largest distance in metres and angle in degrees between two motions on one rig."""
     apart = (found.positions() - truth.positions()).norm(dim=-1).max()
     angle = rot.quaternion_angle(found.world_rotations(), truth.world_rotations()).max()
     return float(apart), float(torch.rad2deg(angle))
-
-
-def flexion(motion: Motion, joint: str) -> torch.Tensor:
-    """Degrees [F, 2] by which left and right knee or elbow are bent."""
-    places, found = motion.positions(), []
-    for side in SIDES:
-        a, b, c = (places[:, motion.skeleton.roles[f"{side}_{r}"]] for r in LIMBS[joint])
-        u, v = rot.normalize(b - a), rot.normalize(c - b)
-        found.append(torch.atan2(torch.linalg.cross(u, v).norm(dim=-1), (u * v).sum(-1)))
-    return torch.rad2deg(torch.stack(found, -1))
 
 
 def test_a_motion_on_its_own_skeleton_is_itself(walk):
@@ -322,72 +200,3 @@ def test_wrong_tables_and_arguments_say_what_to_do(walk):
 def test_very_short_clips(walk, frames):
     result = mk.retarget(walk[:frames], cmu())
     assert len(result) == frames and torch.isfinite(result.positions()).all()
-
-
-def fastest_change(motion: Motion) -> float:
-    """The largest acceleration of a limb's joint, metres a second squared."""
-    places = motion.positions()[:, sorted(motion.skeleton.roles.values())]
-    return float((places[2:] - 2 * places[1:-1] + places[:-2]).norm(dim=-1).max()) * motion.fps**2
-
-
-@pytest.fixture(scope="module")
-def clips(captures, tmp_path_factory) -> list[tuple[Motion, Motion]]:
-    """30 captures of all kinds, each with itself on the 22-joint skeleton."""
-    folder, found = tmp_path_factory.mktemp("clips"), []
-    with zipfile.ZipFile(captures) as archive:
-        members = sorted(n for n in archive.namelist() if "dataset-2_" in n and n.endswith(".bvh"))
-        for n, member in enumerate(random.Random(0).sample(members, 30)):
-            path = folder / f"{n}.bvh"
-            path.write_bytes(archive.read(member))
-            motion = mk.load(path)
-            found.append((motion, mk.retarget(motion, smpl())))
-    return found
-
-
-def test_captures_keep_their_angles(clips):
-    for source, result in clips:
-        assert (flexion(source, "elbow") - flexion(result, "elbow")).abs().max() < 1
-        assert (flexion(source, "knee") - flexion(result, "knee")).abs().median() < 3
-
-
-def test_captures_keep_their_feet_on_the_ground(clips):
-    for source, result in clips:
-        contacts = foot_contacts(source)
-        slid = foot_sliding(source, contacts)
-        assert foot_sliding(result, contacts) < max(2.0, 1.1 * slid)
-        places = result.positions()[:, feet_of(result), 1]
-        toes = places[:, [1, 3]]
-        assert toes.min() > 0.02 - 0.005  # the toe's joint is 2 cm over the sole
-        floor = torch.quantile(toes[contacts[:, [1, 3]]], 0.02)
-        assert abs(float(floor) - 0.02) < 0.002
-
-
-def test_captures_do_not_pop(clips):
-    assert max(fastest_change(result) / fastest_change(source) for source, result in clips) < 1.3
-
-
-def test_captures_come_out_as_bodies(clips):
-    """Twist: heads face ahead, knees and elbows bend about their hinge, no collar or spine is turned about itself."""
-    for source, result in clips:
-        turn = rot.log_map(result.rotations.double())  # [F, 22, 3]
-        for name, axis in (("left_knee", 0), ("right_knee", 0)):
-            knee = turn[:, smpl().index(name)]
-            assert (knee[:, axis] > -0.05).all() and knee.abs().mean(0).argmax() == axis
-        for name in ("spine1", "spine2", "spine3", "neck", "left_collar", "right_collar", "left_foot", "right_foot"):
-            assert turn[:, smpl().index(name)].mean(0).norm() < torch.pi / 4, (source, name)
-        ahead = rot.quaternion_rotate(
-            result.world_rotations()[:, 15], torch.tensor([0.0, 0.0, 1.0]).expand(len(result), 3)
-        )
-        aside = rot.wrap(rot.direction_to_yaw(ahead) - result.facing())
-        assert aside.median().abs() < torch.pi / 4
-
-
-def test_a_capture_on_another_of_its_kind_is_itself(clips):
-    source, _ = clips[0]
-    assert (mk.retarget(source, source.skeleton).positions() - source.positions()).abs().max() < 1e-4
-
-
-def test_a_mirrored_capture_gives_the_mirrored_result(clips):
-    for source, result in clips[:6]:
-        mirrored = mk.retarget(source.mirror(), smpl())
-        assert (mirrored.positions() - result.mirror().positions()).norm(dim=-1).max() < 0.005
