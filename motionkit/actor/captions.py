@@ -116,7 +116,7 @@ def captions(
     seed: other sentences; the first stays. subject: who, with an article. acts: what happens (`Score.acts`), which
     tells the leg that kicks and the hand that waves. Raises MotionKitError if there are not so many sentences.
 
-    >>> print(*captions("walk", "old", seed=1), sep="\n")
+    >>> print(*captions("walk", "old", seed=1), sep="\\n")
     a person is walking in old age
     somebody shuffled along
     the person walks along as old people do
@@ -179,8 +179,7 @@ def to_style(caption: str, style: str) -> str:
 def _once(text: str, how: str) -> str:
     """The sentence with the first of its neutral phrases put as `how` and the others left out; at its end if none."""
     text = _PLAINS.sub(r"\1", text)
-    start = re.compile(rf"^(\w+(?: \w+)?? (?:(?:is|was) )?){_PLAIN.pattern} ", re.IGNORECASE)
-    text = start.sub(r"\1", text)  # "a person neutrally walks": it reads better at the end
+    text = _EARLY.sub(r"\1", text)  # "a person neutrally walks": it reads better at the end
     if _PLAIN.search(text):
         text = _PLAIN.sub("", _PLAIN.sub("\0", text, 1)).replace("\0", how)
     else:
@@ -278,24 +277,28 @@ def _plain_subject(match: re.Match) -> str:
     return f"{fitting.capitalize() if article[0].isupper() else fitting} {noun}"
 
 
-def _any(phrases: set[str], more: str = "") -> str:
-    return "|".join(map(re.escape, sorted(phrases, key=lambda p: (-len(p), p)))) + more
+def _any(phrases: set[str]) -> str:
+    return "|".join(map(re.escape, sorted(phrases, key=lambda p: (-len(p), p))))
 
 
 _STYLED = [words for words in STYLES.values() if words is not _NEUTRAL]
 _ADJECTIVES = _any({who for words in _STYLED for who in words.who})
 _VERY = r"(?:(?:very|rather|quite|really|so) )?"
+_MANY = rf"(?:{_VERY}(?:{_ADJECTIVES}),? (?:and )?)+"
 # Phrases of manner, whole words; "in an angry way" is made of what people of a style are called.
 _HOW = re.compile(
     rf"\b{_VERY}(?:{_any({how for words in _STYLED for how in words.how})}"
     rf"|in an? {_VERY}(?:{_ADJECTIVES}) (?:way|manner|style|mood)|in an? [\w-]+ style"
-    rf"|like an? {_VERY}(?:{_ADJECTIVES}) (?:person|man|woman|one))\b",
+    rf"|like an? {_MANY}(?:person|man|woman|one))\b",
     re.IGNORECASE,
 )
 # Adjectives of the subject, which is where a sentence begins.
-_WHO = re.compile(rf"^(an?|the) (?:{_VERY}(?:{_ADJECTIVES}),? (?:and )?)+(\w+)", re.IGNORECASE)
+_WHO = re.compile(rf"^(an?|the) {_MANY}(\w+)", re.IGNORECASE)
 _ENDINGS = {_form(v, e): e for words in _STYLED for v in words.walks for e in ("s", "ing", "ed")}
 # "with long strides" and "a stumble" are no verbs
 _WALKS = re.compile(rf"(?<!\blong )(?<!\bwith )(?<!\ba )(?:\b(?:{_any(set(_ENDINGS))})\b)", re.IGNORECASE)
 _PLAIN = re.compile(rf"\b(?:{_any(set(_NEUTRAL.how))})\b", re.IGNORECASE)
 _PLAINS = re.compile(rf"({_PLAIN.pattern})(?:,?(?: and)? {_PLAIN.pattern})+", re.IGNORECASE)
+_EARLY = re.compile(
+    rf"^((?:someone|somebody|he|she|they|(?:an?|the) \w+) (?:(?:is|was) )?){_PLAIN.pattern} ", re.IGNORECASE
+)

@@ -1,0 +1,183 @@
+"""Sentences about performances, and their two rewrites."""
+
+import re
+
+import pytest
+
+import motionkit as mk
+from motionkit.actor import CONTENTS, SEEN, UNSEEN, perform, retell
+from motionkit.actor.captions import STYLES, captions, to_neutral, to_style
+from motionkit.datasets import captions as captured
+
+NAMES = SEEN + UNSEEN
+STYLED = [name for name in NAMES if name != "neutral"]
+SEQUENCE = "walk, jump, kick"
+# What each content cannot be told without, in any form of the verb.
+CORE = {
+    "walk": "walk", "walk_turn_left": "left", "walk_turn_right": "right", "walk_back": "back",
+    "run": "run|ran|runn|jog", "jump": "jump|leap", "kick": "kick", "punch": "punch", "wave": "wav|hello",
+    "raise_hands": "rais|lift|put", "bow": "bow", "idle": "stand|stood|wait",
+}  # fmt: skip
+
+
+def every(style: str, count: int = 12) -> list[tuple[str, str]]:
+    """Captions of all contents and a sequence in a style, with what is done."""
+    contents = (*CONTENTS, SEQUENCE)
+    return [(content, text) for content in contents for text in captions(content, style, seed=5, count=count)]
+
+
+def words_of(style: str) -> re.Pattern:
+    """Any word that tells the style: phrases, adjectives, and verbs in all their forms."""
+    how, who, walks = STYLES[style]
+    stems = [re.sub("(e|p|t)$", "", walk) for walk in walks] + (["strode"] if "stride" in walks else [])
+    stems += ["crept"] if "creep" in walks else []
+    return re.compile(rf"\b({'|'.join((*how, *who))})\b" + (rf"|\b({'|'.join(stems)})" if stems else ""))
+
+
+@pytest.mark.parametrize("style", NAMES)
+def test_captions_tell_content_and_style(style):
+    for content, text in every(style):
+        for one in content.split(", "):
+            assert re.search(CORE[one], text) or (one == "walk" and words_of(style).search(text)), text
+        if style != "neutral":
+            assert words_of(style).search(text), text
+
+
+@pytest.mark.parametrize("style", NAMES)
+def test_captions_are_grammatical(style):
+    for _, text in every(style):
+        assert not re.search(r"\ba [aeiou]|\ban [^aeiou]|  |[{}%]|^ | $|\bNone\b", text), text
+        assert re.match(r"(a|an|the) [\w -]*person |(someone|somebody) ", text), text
+        past = "ran|stood|bent|threw|took|put|strode|crept"
+        verb = r" is (\w+ly )?\w+ing\b" if " is " in text else rf"(person|one|body) (\w+ly )?(\w+(s|ed)|{past})\b"
+        assert re.search(verb, text), text
+
+
+def test_at_least_four_and_all_different():
+    for content in (*CONTENTS, SEQUENCE):
+        for style in NAMES:
+            told = captions(content, style)
+            assert len(told) == len(set(told)) == 4
+            assert len(set(captions(content, style, count=12))) == 12
+
+
+def test_the_first_is_the_papers_form():
+    assert captions("run", "depressed")[0] == "a person is running in depression"
+    assert captions("walk")[0] == "a person is walking neutrally"
+    assert captions(["walk", "jump"], "tired")[0] == "a person is walking and then jumping, in weariness"
+    assert captions("walk", "drunk", subject="an ostrich")[0] == "an ostrich is walking in drunkenness"
+    shared = [s for s in NAMES if s in captured._HOW]
+    assert len(shared) >= 8  # captures and the performer speak alike
+    for style in shared:
+        assert captions("run", style)[0] == captured.captions("running", "", style)[0]
+
+
+def test_neutral_with_and_without_saying_so():
+    for content in CONTENTS:
+        told = captions(content, "neutral")
+        plain = [t for t in told if not re.search("neutral|normal|ordinary", t)]
+        assert 1 <= len(plain) < len(told)
+
+
+def test_seed_says_which():
+    assert captions("walk", "old", 3) == captions("walk", "old", 3)
+    assert len({captions("walk", "old", seed)[1:] for seed in range(5)}) == 5
+    subjects = {text.split(" ")[0] for seed in range(10) for text in captions("walk", "neutral", seed)}
+    assert subjects >= {"a", "the", "someone", "somebody"}
+
+
+def test_any_subject():
+    for text in captions("walk", "angry", 1, 8, subject="an ant"):
+        assert re.match(r"(an? |the )([\w-]+ )?ant ", text) and "person" not in text, text
+    assert captions("sit", "neutral", subject="a dog")[0] == "a dog is sitting neutrally"
+    assert captions("tail_swing", "old")[0] == "a person is tailing swing in old age"
+
+
+def test_limbs_are_told_where_they_are_known():
+    kick = perform("kick", "old", seed=3, seconds=4)
+    sides = {act.side for act in kick.score.acts if act.name == "kick"}
+    assert len(sides) == 1
+    leg = {1: "left leg", -1: "right leg"}[sides.pop()]
+    assert all(leg in text for text in kick.captions)
+    assert all(leg in text for text in retell(kick, "proud").captions)
+    both = perform("kick", "angry", seed=3, seconds=8)
+    assert {act.side for act in both.score.acts if act.name == "kick"} == {1, -1}
+    assert not any(re.search("left|right", text) for text in both.captions)
+    wave = perform("wave", "neutral", seed=2, seconds=6).captions
+    assert all(re.search("with the (left|right) hand", text) for text in wave)
+
+
+def test_performances_bring_captions():
+    told = perform("walk, jump", "tired", seed=1, seconds=12).captions
+    assert len(told) == 4 and told[0] == "a person is walking and then jumping, in weariness"
+
+
+def test_intensity_and_own_styles():
+    from motionkit.actor import Style
+
+    assert perform("walk", "old", intensity=1.5, seconds=2).captions[0] == "a person is walking in old age"
+    assert perform("walk", "old", intensity=0, seconds=2).captions[0] == "a person is walking neutrally"
+    assert perform("walk", Style("in-a-hurry"), seconds=2).captions[0] == "a person is walking in an in a hurry style"
+
+
+@pytest.mark.parametrize("style", STYLED)
+def test_to_neutral_takes_all_words_of_style(style):
+    every_word = re.compile("|".join(f"(?:{words_of(s).pattern})" for s in STYLED))
+    for content, text in every(style):
+        neutral = to_neutral(text)
+        assert not every_word.search(neutral), (text, neutral)
+        assert neutral.count("neutrally") == 1, (text, neutral)
+        assert to_neutral(neutral) == neutral
+        for one in content.split(", "):
+            assert re.search(CORE[one], neutral), (text, neutral)
+
+
+@pytest.mark.parametrize("style", STYLED)
+def test_to_style_says_the_style(style):
+    how = STYLES[style].how[0]
+    for other in NAMES:
+        for _, text in every(other, count=4):
+            there = to_style(to_neutral(text), style)
+            assert there.count(how) == 1, (text, there)
+            assert not re.search("neutral|normal|ordinary", there)
+            assert to_style(there, style) == there == to_style(text, style)
+            assert to_neutral(there) == to_style(to_neutral(text), "neutral")
+
+
+def test_neutral_captions_stay_as_they_are():
+    for _, text in every("neutral"):
+        assert to_neutral(text) == text
+
+
+@pytest.mark.parametrize("style", sorted(set(captured._HOW) & set(STYLES) - {"neutral", "normal"}))
+def test_captions_of_captures_are_rewritten_too(style):
+    for text in captured.captions("running", "jogging along", style):
+        assert re.fullmatch("(a person|someone) is (running|jogging along) neutrally", to_neutral(text)), text
+
+
+@pytest.mark.parametrize(
+    ("caption", "neutral"),
+    [
+        ("A person walks in depression.", "A person walks neutrally."),
+        ("An old, tired man walks.", "A man walks neutrally."),
+        ("a very angry person stomps, then jumps", "a person walks, then jumps, neutrally"),
+        ("someone strides proudly ahead", "someone walks neutrally ahead"),
+        ("a person walks wearily and in old age", "a person walks neutrally"),
+        ("a person takes long strides", "a person takes long strides"),
+        ("a person lifts an old box", "a person lifts an old box"),
+        ("a person walks like a tired old man", "a person walks neutrally"),
+        ("", ""),
+    ],
+)
+def test_sentences_of_others(caption, neutral):
+    assert to_neutral(caption) == neutral
+
+
+def test_bad_input():
+    with pytest.raises(mk.MotionKitError, match="no words for style 'olt'; .*'old'"):
+        to_style("a person walks", "olt")
+    for count in (0, -1, 1.5, "4"):
+        with pytest.raises(mk.MotionKitError, match="count: expected a whole number"):
+            captions("walk", "old", count=count)
+    with pytest.raises(mk.MotionKitError, match="count: there are"):
+        captions("punch", "old", count=10_000)
