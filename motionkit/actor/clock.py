@@ -12,7 +12,7 @@ from .score import Score, smooth
 from .style import Style
 
 FINE = 128  # points of the fine axis for a beat
-WALK_RATE, RUN_RATE = 1.85, 2.75  # steps a second of a person with legs of 0.86 m
+WALK_RATE, RUN_RATE = 1.8, 2.5  # steps a second of a person with legs of 0.86 m
 GRAVITY = 9.81
 
 

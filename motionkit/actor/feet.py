@@ -14,7 +14,9 @@ from .score import smooth
 from .steps import Plant
 from .style import Style
 
-_LANDING, _LEAVING = 0.24, 0.5  # beats in which a foot rolls flat after landing, and over its ball before leaving
+# Fitted to captured walks: beats in which a foot rolls flat after landing and over its ball before leaving, how late it
+# rolls, how fast it goes on rolling in the air, and the shares of a swing in which it gathers speed and stops.
+_LANDING, _LEAVING, _LATE, _ON, _RISE, _FALL = 0.24, 0.5, 2.5, 3.2, 0.42, 0.3
 
 
 @dataclass(frozen=True)
@@ -53,13 +55,22 @@ def move_foot(plants: list[Plant], beats: Tensor, style: Style, performer: Perfo
     rolling = planted & (pitch > 1e-4)
     flat = planted & (pitch.abs() <= 1e-4)
     stands = torch.stack((flat, flat | rolling), 1)
-    toe_bend = pitch.clamp(min=0) * torch.where(planted, torch.ones_like(v), 1 - smooth(2.5 * v))
+    toe_bend = pitch.clamp(min=0) * _toes_down(v)
     return FootMotion(ankle, turn, -toe_bend, stands, v, torch.where(planted, torch.zeros_like(v), there["hop"]))
 
 
 def _eased(v: Tensor, sharpness: float) -> Tensor:
-    margin = 0.3 * max(sharpness - 0.4, 0.0)
-    return smooth((v - margin) / (1 - 2 * margin))
+    """Where on its way a swinging foot is: quickly up to speed, a little slower to land."""
+    margin = 0.25 * max(sharpness - 0.4, 0.0)
+    x, rise, fall = ((v - margin) / (1 - 2 * margin)).clamp(0, 1), _RISE, _FALL
+    gather, stop = (x / rise).clamp(max=1), ((1 - x) / fall).clamp(max=1)
+    way = rise * (gather**3 - gather**4 / 2) + (x - rise).clamp(0, 1 - rise - fall)
+    return (way + fall * (0.5 - stop**3 + stop**4 / 2)) / (1 - (rise + fall) / 2)
+
+
+def _toes_down(v: Tensor) -> Tensor:
+    """How much the toes stay level when the foot pitches: wholly on the ground, less and less in the swing."""
+    return 1 - smooth(1.8 * v)
 
 
 def _stance_pitch(beats: Tensor, here: dict, there: dict) -> Tensor:
@@ -69,13 +80,13 @@ def _stance_pitch(beats: Tensor, here: dict, there: dict) -> Tensor:
     leaving = (0.45 * stay).clamp(max=_LEAVING)
     left = ((here["lift"] - beats).clamp(max=9.0) / leaving).clamp(0, 1)
     came = here["pitch_land"] * (1 - smooth((beats - here["land"]) / landing))
-    return came + there["pitch_lift"] * (1 - left) ** 2
+    return came + there["pitch_lift"] * (1 - left) ** _LATE
 
 
 def _swing_pitch(v: Tensor, here: dict, there: dict) -> Tensor:
     """From the pitch of leaving to that of landing; the rate goes on where the stance left it."""
     start, end = there["pitch_lift"], there["pitch_land"]
-    rate = 2.2 * start  # a share of the stance's rate: the toes catch up quickly
+    rate = _ON * start  # a share of the stance's rate: the toes catch up quickly
     v2, v3 = v * v, v * v * v
     lifted = torch.where(there["hop"] > 0, 0.0, -0.12 * torch.sin(math.pi * v) ** 2 * (v > 0.5))
     return (2 * v3 - 3 * v2 + 1) * start + (v3 - 2 * v2 + v) * rate + (3 * v2 - 2 * v3) * end + lifted
@@ -128,6 +139,8 @@ def _flying_ankle(
     land = land + rot.quaternion_rotate(_turn(there["yaw"], there["pitch_land"]), ball.expand(len(v), 3))
     path = torch.lerp(leave, land, eased[:, None])
     path[:, 1] += there["raised"] * _bump(v, there["early"])
+    dip = 0.046 * performer.height * torch.sin(pitch.clamp(min=0) * (1 - _toes_down(v)))  # toe tips below the ball
+    path[:, 1] += (dip + 0.012 * performer.height - path[:, 1]).clamp(min=0)
     return path - rot.quaternion_rotate(_turn(yaw, pitch), ball.expand(len(v), 3))
 
 

@@ -14,6 +14,9 @@ from .score import Score, smooth
 from .steps import RUN_DUTY, SIDES, WALK_DUTY
 from .style import Style
 
+# Fitted to captured walks: the pelvis' surge (leg lengths) and its asymmetry, the trunk's answer (radians), the bob and
+# how far it sinks (leg lengths), how late the elbow is, and the arms' swing at every single step.
+_SURGE, _KICK, _NOD, _BOB, _LOW, _ELBOW, _DOUBLE, _WHEN = 0.033, 0.25, 0.025, 0.016, 0.008, 0.8, 0.0, 0.0
 TRAVEL = 0.8  # how much of the trunk's pitch the hanging arms and the gaze do not follow
 
 
@@ -134,21 +137,23 @@ def gait(at: Moment, curves: Curves) -> None:
     vary = 1 + 0.1 * s.variability * at.noise("amplitude")
     middle = at.wave(at.duty)  # +1 in the middle of the left foot's stance
     stride = (s.step_length * go).clamp(max=1.3)
-    bob = (0.019 + 0.02 * run) * s.bob * leg * stride
-    walk_rise = at.wave(at.duty, double=True)
-    curves.add("root.up", bob * walk_rise * (1 - 2 * run) - bob - run * 0.05 * leg)
+    bob = (_BOB + 0.055 * run) * s.bob**0.8 * leg * stride
+    curves.add("root.up", bob * at.wave(at.duty, double=True) * (1 - 2 * run) - bob - _LOW * leg * stride)
+    turn = 2 * math.pi * (at.beats - at.duty)
+    surge = (torch.sin(turn + _KICK * torch.sin(turn)) + 0.03 * torch.sin(4 * turn)) * stride
+    curves.add("root.ahead", -ahead * (_SURGE - 0.016 * run) * leg * surge)
     width = s.step_width * leg * (1 - 0.6 * run)
     curves.add("root.side", go * middle * (0.13 * width + 0.013 * leg * s.sway) * vary)
     curves.add("pelvis.yaw", -go * ahead * s.hip_turn * at.wave())
     curves.add("pelvis.roll", -go * s.hip_list * at.wave(at.duty + 0.05))
-    curves.add("pelvis.pitch", go * 0.02 * at.wave(0.2, double=True))
+    curves.add("pelvis.pitch", (_NOD - 0.028 * run) * surge)  # the head surges less than the hips
     lag = 0.5 * s.follow_through
     curves.add("spine.yaw", go * ahead * (s.hip_turn * at.wave() + s.shoulder_turn * at.wave(lag) * vary))
     curves.add("spine.roll", go * (1.05 * s.hip_list * at.wave(at.duty + 0.05) + s.side_bend * at.wave(at.duty + lag)))
-    curves.add("spine.pitch", 0.11 * run + go * 0.015 * at.wave(0.3, double=True))
+    curves.add("spine.pitch", 0.11 * run)
     curves.add("head.yaw", -go * ahead * 0.85 * s.shoulder_turn * at.wave(lag))
     curves.add("head.roll", -go * 0.6 * s.side_bend * at.wave(at.duty + lag))
-    curves.add("head.pitch", -0.08 * run + go * 0.03 * s.bob * at.wave(0.25 + s.follow_through, double=True))
+    curves.add("head.pitch", -0.08 * run + go * 0.012 * s.bob * at.wave(0.25 + s.follow_through, double=True))
     _limp(at, curves)
     _turning(at, curves)
     _arm_swing(at, curves, go * ahead, vary)
@@ -174,9 +179,9 @@ def _arm_swing(at: Moment, curves: Curves, go: Tensor, vary: Tensor) -> None:
     for side, sign in SIDES.items():
         size = (s.arm_swing * (1 + 0.25 * run) + 0.12 * run) * vary * (1 + 0.06 * s.variability * at.noise(side))
         swing = -sign * at.wave(0.5 * lag)
-        late = -sign * at.wave(1.4 * lag)
-        curves.add(f"{side}.flex", go * size * (swing + 0.12))
-        curves.add(f"{side}.out", go.abs() * 0.06 * size * at.wave(lag, double=True))
+        late = -sign * at.wave(_ELBOW * lag)
+        curves.add(f"{side}.flex", go * size * (swing + 0.12 + _DOUBLE * at.wave(_WHEN, double=True)))
+        curves.add(f"{side}.out", go.abs() * 0.03 * size * at.wave(lag, double=True))
         bend = (1.35 - s.elbow_bend) * run * (s.elbow_bend < 1.35)
         curves.add(f"{side}.elbow", bend + go.abs() * s.elbow_swing * (0.6 + 0.6 * late) * (1 + 0.3 * run))
         curves.add(f"{side}.hand", go.abs() * 0.25 * s.arm_swing * -sign * at.wave(2 * lag))

@@ -17,9 +17,10 @@ from .clock import beat_seconds, fine_axis, interpolate, seconds_of
 from .feet import move_foot
 from .gestures import gestures
 from .layers import Curves, Moment, breath, gait, posture
+from .paths import checked_path
 from .pose import assemble
 from .presets import style_named
-from .route import checked_path, plan_route
+from .route import plan_route
 from .score import WALKS, Score, compose, contents_of
 from .steps import SIDES, Planner
 from .style import Style
@@ -177,7 +178,7 @@ def realise(
     axis = fine_axis(score.first - _AROUND, score.last + _AROUND)
     times = seconds_of(axis, beat_seconds(score, own, person, axis))
     shown = interpolate(torch.tensor([score.first, score.last], dtype=axis.dtype), axis, times)
-    count = frames or max(2, math.floor(float(shown[1] - shown[0]) * fps + 1e-6) + 1)
+    count = frames or max(2, round(float(shown[1] - shown[0]) * fps))
     seconds = torch.arange(count, dtype=torch.float64) / fps
     beats = interpolate(seconds + shown[0], times, axis)
     route = plan_route(score, own, person, axis)

@@ -32,6 +32,8 @@ def assemble(at: Moment, curves: Curves, feet: dict[str, FootMotion], fps: float
     root = _root(at, curves, heading)
     ankles, turns = _ankles(at, feet, root, hips, heading)
     root[:, 1] = _within_reach(at, root, hips, ankles, fps)
+    swing = torch.stack([feet[side].swing for side in SIDES], 1)
+    ankles = _at_ease(at, root[:, None] + hips, ankles, swing)
     _legs(at, local, names, root, hips, ankles, turns, {s: f.toe_bend for s, f in feet.items()})
     return Motion.from_root(skeleton, rot.unroll(local), root, fps)
 
@@ -113,10 +115,24 @@ def _within_reach(at: Moment, root: Tensor, hips: Tensor, ankles: Tensor, fps: f
     excess = (gap[..., 1] - allowed).amax(1)
     soft = 0.012 * at.performer.leg
     drop = torch.nn.functional.softplus((excess + 0.3 * soft) / soft) * soft
-    width = 2 * max(1, round(0.05 * fps)) + 1
+    width = 2 * max(1, round(0.09 * fps)) + 1
     window = torch.hann_window(width + 2, periodic=False, dtype=drop.dtype)[1:-1]
     padded = torch.nn.functional.pad(drop[None, None], (width // 2, width // 2), mode="replicate")
     return root[:, 1] - torch.nn.functional.conv1d(padded, (window / window.sum())[None, None])[0, 0]
+
+
+def _at_ease(at: Moment, hip: Tensor, ankles: Tensor, swing: Tensor) -> Tensor:
+    """Draws swinging ankles [F, 2, 3] towards the hips where a leg would snap straight, and away where it would fold.
+
+    swing: [F, 2], 0 where a foot stands. The pull fades out towards both ends of the swing.
+    """
+    way = ankles - hip
+    far = torch.linalg.vector_norm(way, dim=-1)
+    soft = 0.014 * at.performer.leg
+    pull = torch.nn.functional.softplus((far - 0.972 * at.performer.leg) / soft) * soft
+    pull = pull - torch.nn.functional.softplus((0.4 * at.performer.leg - far) / soft) * soft
+    share = (7 * torch.minimum(swing, 1 - swing)).clamp(0, 1) * (swing > 0)
+    return ankles - way * (share * pull / far)[..., None]
 
 
 def _legs(
@@ -147,7 +163,7 @@ def bend_leg(hip: Tensor, ankle: Tensor, pole: Tensor, upper: float, lower: floa
 
     >>> down = torch.tensor([0.0, -2.0, 0.0]); ahead = torch.tensor([0.0, 0.0, 1.0])
     >>> thigh, shin = bend_leg(torch.zeros(3), down, ahead, 1.0, 1.0)
-    >>> thigh.round(decimals=2)
+    >>> thigh.abs().round(decimals=2)
     tensor([1., 0., 0., 0.])
     """
     way = ankle - hip

@@ -14,7 +14,8 @@ from .route import Route
 from .score import Score
 from .style import Style
 
-WALK_DUTY, RUN_DUTY = 0.62, 0.36  # share of a cycle of two beats in which a foot stands
+WALK_DUTY, RUN_DUTY = 0.53, 0.27  # share of a cycle of two beats in which a foot stands
+_AHEAD, _EARLY = 0.01, 0.42  # beats that a foot lands ahead of the body, and when in its swing it is highest
 SIDES = {"left": 1, "right": -1}
 
 
@@ -102,10 +103,10 @@ class Planner:
         duty, style, leg = WALK_DUTY + (RUN_DUTY - WALK_DUTY) * run, self.style, self.performer.leg
         land = style.heel_strike * going * (1 - run) * (1 - back) - 0.35 * back
         vary = 1 + 0.08 * style.variability * self.score.draw(f"clear {beat}")
-        raised = (style.clearance * (1 + run) + 0.012 + (0.24 + 0.15 * style.foot_roll) * run) * leg * max(vary, 0.3)
+        raised = (style.clearance + 0.012 + (0.24 + 0.15 * style.foot_roll) * run) * leg * max(vary, 0.3)
         return self._plant(
-            side, float(beat), beat + duty, begin=beat - 2 * (1 - duty), pitch_land=-land, early=0.5 - 0.14 * run,
-            raised=raised * max(going, 0.4),
+            side, float(beat), beat + duty + _AHEAD - 0.12 * run, begin=beat - 2 * (1 - duty), pitch_land=-land,
+            early=_EARLY, raised=raised * max(going, 0.4),
             pitch_lift=going * (style.foot_roll * (1 + 0.15 * run) * (1 - back) - 0.1 * back),
         )  # fmt: skip
 
