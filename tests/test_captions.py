@@ -16,7 +16,7 @@ SEQUENCE = "walk, jump, kick"
 CORE = {
     "walk": "walk", "walk_turn_left": "left", "walk_turn_right": "right", "walk_back": "back",
     "run": "run|ran|runn|jog", "jump": "jump|leap", "kick": "kick", "punch": "punch", "wave": "wav|hello",
-    "raise_hands": "rais|lift|put", "bow": "bow", "idle": "stand|stood|wait",
+    "raise_hands": "rais|lift|put", "bow": "bow", "idle": "stand|stood|wait", "trot": "trot",
 }  # fmt: skip
 
 
@@ -89,7 +89,8 @@ def test_seed_says_which():
 def test_any_subject():
     for text in captions("walk", "angry", 1, 8, subject="an ant"):
         assert re.match(r"(an? |the )([\w-]+ )?ant ", text) and "person" not in text, text
-    assert captions("sit", "neutral", subject="a dog")[0] == "a dog is sitting neutrally"
+    assert captions("sit", "neutral", subject="a dog")[0] == "a dog is sitting down neutrally"
+    assert captions("peck", "old", subject="a ostrich")[0] == "an ostrich is pecking in old age"
     assert captions("tail_swing", "old")[0] == "a person is tailing swing in old age"
 
 

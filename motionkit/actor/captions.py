@@ -92,10 +92,16 @@ CONTENTS = {
     "raise_hands": ("{raise} both hands", "{lift} both arms", "{put} both hands up"),
     "bow": ("{bow}", "{take} a bow", "{bend} down in a bow"),
     "idle": ("{stand}", "{stand} in place", "{stand} around", "{wait}"),
+    "peck": ("{peck}", "{peck} at the ground"),
+    "roar": ("{roar}", "{roar} loudly"),
+    "sit": ("{sit} down", "{take} a seat"),
+    "threat": ("{threaten} someone", "{make} a threat"),
+    "trot": ("{trot}", "{trot} forward", "{trot} ahead", "{trot} along"),
 }
 _LIMBS = {"kick": "leg", "wave": "hand"}
 _PAST = {
-    "bend": "bent", "bite": "bit", "creep": "crept", "eat": "ate", "fly": "flew", "go": "went", "put": "put",
+    "bend": "bent", "bite": "bit", "creep": "crept", "eat": "ate", "fly": "flew", "go": "went", "make": "made",
+    "put": "put",
     "rise": "rose", "run": "ran", "sit": "sat", "stand": "stood", "stride": "strode", "strike": "struck",
     "swing": "swung", "take": "took", "throw": "threw",
 }  # fmt: skip
@@ -126,6 +132,7 @@ def captions(
         raise MotionKitError(f"count: expected a whole number of at least 1; found {count!r}")
     chance = random.Random(f"{seed} {content} {_name(style)}")
     words = _words(_name(style))
+    subject = re.sub("^an? (.*)", lambda m: _a(m[1]), subject)
     ways = _ways(content, acts)
     found = [f"{subject} is {_doing([w[0] for w in ways], 'ing')}{_comma(ways)} {words.how[0]}"]
     forms = _forms(words, ways)

@@ -165,17 +165,18 @@ def _seconds(creature: str, content: str, style: str, seed: int, person: int) ->
     return round(chance.uniform(min(max(SHORTEST, least), LONGEST), LONGEST) * FPS) / FPS
 
 
-def fingerprint(source: ActorSource, first: int = 0) -> tuple[str, float]:
+def fingerprint(positions: Tensor, first: int = 0) -> tuple[str, float]:
     """Tells whether two machines make the same clip: sha256 of where its joints are, in tenths of a millimetre.
 
-    Every tenth frame counts, from `first` on. Also returns how far, in metres, the nearest number is from being rounded
-    the other way: where that is far more than float64's last digits, another machine finds the same.
+    positions: [F, J, 3] metres, of `ActorSource.positions`. Every tenth frame counts, from `first` on. Also returns how
+    far, in metres, the nearest number is from being rounded the other way: where that is far more than float64's last
+    digits, another machine finds the same.
 
-    >>> a, b = (fingerprint(ActorSource("walk", "old", seed, 7, 4.0)) for seed in (3, 4))
-    >>> a[0] == b[0], a[1] < 0.5e-4
-    (False, True)
+    >>> a, b = (ActorSource("walk", "old", seed, performer=7, seconds=4.0).positions() for seed in (3, 4))
+    >>> fingerprint(a)[0] == fingerprint(a + 1e-12)[0], fingerprint(a)[0] == fingerprint(b)[0]
+    (True, False)
     """
-    tenths = source.positions()[first::10] * 1e4
+    tenths = positions[first::10] * 1e4
     whole = tenths.round()
     margin = float((0.5 - (tenths - whole).abs()).min()) * 1e-4
     return hashlib.sha256(whole.to(torch.int32).numpy().astype("<i4").tobytes()).hexdigest(), margin
