@@ -20,7 +20,6 @@ from pathlib import Path
 import torch
 
 import motionkit as mk
-from motionkit.datasets import bandai
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULT = ROOT / "results" / "io.json"
@@ -61,11 +60,11 @@ def reading(root: str, folder: Path) -> dict:
     from pymotion.io.bvh import BVH
 
     torch.set_num_threads(1)
-    sources = bandai.find("bandai-2", root)
-    chosen = sources[:: len(sources) // CLIPS]
+    items = mk.datasets.items_of("bandai-2", root)
+    chosen = items[:: len(items) // CLIPS]
     ours = theirs = size = 0.0
-    for source in chosen:
-        path = folder / f"{source.name}.bvh"
+    for item in chosen:
+        path, source = folder / f"{item.name}.bvh", item.source
         if source.member is None:
             path.write_bytes(Path(source.path).read_bytes())
         else:
@@ -173,7 +172,7 @@ def main() -> int:
     """Measure everything, print it and write results/io.json."""
     start, root = time.perf_counter(), find_root()
     try:
-        bandai.find("bandai-2", root)
+        mk.datasets.items_of("bandai-2", root)
     except mk.MotionKitError as error:
         print(error)
         return 1

@@ -100,10 +100,7 @@ def build_cache(
     ...     len(corpus.windows(64, stride=8))
     8
     """
-    if bad not in ("stop", "skip") or not isinstance(shard_clips, int) or shard_clips < 1:
-        raise MotionKitError(
-            f"build_cache: bad is 'stop' or 'skip', shard_clips a number from 1; found {bad!r}, {shard_clips!r}"
-        )
+    _check(bad, shard_clips)
     items, out = in_order(dataset, _items(root, dataset, options)), Path(out).expanduser()
     make_folder(out, "choose another folder for the corpus")
     parts = [(out / _name(n), part) for n, part in enumerate(cut_into(items, shard_clips))]
@@ -117,6 +114,13 @@ def build_cache(
             relabel(shard, part)
     _tidy(out, len(parts))
     return Corpus.open(out)
+
+
+def _check(bad: str, shard_clips: int) -> None:
+    if bad not in ("stop", "skip") or not isinstance(shard_clips, int) or shard_clips < 1:
+        raise MotionKitError(
+            f"build_cache: bad is 'stop' or 'skip', shard_clips a number from 1; found {bad!r}, {shard_clips!r}"
+        )
 
 
 def _items(root: str | os.PathLike | Sequence[Item], dataset: str, options: dict) -> Sequence[Item]:

@@ -104,18 +104,21 @@ def items(name: str = "humanml3d", root: str | os.PathLike | None = None) -> lis
         )
     told = {file.stem: read_captions(file, text) for file, text in texts(captions[m.stem] for m in motions)}
     frames = {f.stem: _frames(f, head) for f, head in heads((m for m in motions if set(told[m.stem]) - {WHOLE}), 256)}
-    found = []
-    for file in motions:
-        for (start, stop), sentences in told[file.stem].items():
-            part, cut = "", (0, None)
-            if (start, stop) != WHOLE:
-                part, cut = f"@{start:g}-{stop:g}", (int(start * FPS), int(stop * FPS))
-                if not cut[0] < min(cut[1], frames[file.stem]):
-                    continue
-            what = Labels("", "", sentences, take=file.stem.removeprefix("M"), split=splits.get(file.stem, ""))
-            source = FeatureSource(file.path, file.member, file.size, file.changed, *cut)
-            found.append(Item(file.stem + part, what, source))
+    found = [item for m in motions for item in _parts(m, told[m.stem], splits.get(m.stem, ""), frames.get(m.stem, 0))]
     return sorted(found, key=lambda item: item.name)
+
+
+def _parts(file: File, told: dict[tuple[float, float], tuple[str, ...]], split: str, frames: int) -> Iterable[Item]:
+    """The whole motion and the parts that have captions of their own; frames: of the file, where there are such."""
+    for (start, stop), sentences in told.items():
+        part, cut = "", (0, None)
+        if (start, stop) != WHOLE:
+            part, cut = f"@{start:g}-{stop:g}", (int(start * FPS), int(stop * FPS))
+            if not cut[0] < min(cut[1], frames):
+                continue
+        what = Labels("", "", sentences, take=file.stem.removeprefix("M"), split=split)
+        source = FeatureSource(file.path, file.member, file.size, file.changed, *cut)
+        yield Item(file.stem + part, what, source)
 
 
 def _frames(file: File, head: bytes) -> int:
