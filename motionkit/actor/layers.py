@@ -16,7 +16,7 @@ from .style import Style
 
 # Fitted to captured walks: the pelvis' surge (leg lengths) and its asymmetry, the trunk's answer (radians), the bob and
 # how far it sinks (leg lengths), how late the elbow is, and the arms' swing at every single step.
-_SURGE, _KICK, _NOD, _BOB, _LOW, _ELBOW, _DOUBLE, _WHEN = 0.033, 0.25, 0.025, 0.016, 0.008, 0.8, 0.0, 0.0
+_SURGE, _KICK, _NOD, _BOB, _LOW, _ELBOW, _DOUBLE, _WHEN, _RUN_BOB = 0.032, 0.248, 0.021, 0.017, 0.014, 2.987, 0.09, 0.0, 0.055
 TRAVEL = 0.8  # how much of the trunk's pitch the hanging arms and the gaze do not follow
 
 
@@ -137,7 +137,7 @@ def gait(at: Moment, curves: Curves) -> None:
     vary = 1 + 0.1 * s.variability * at.noise("amplitude")
     middle = at.wave(at.duty)  # +1 in the middle of the left foot's stance
     stride = (s.step_length * go).clamp(max=1.3)
-    bob = (_BOB + 0.055 * run) * s.bob**0.8 * leg * stride
+    bob = (_BOB + _RUN_BOB * run) * s.bob**0.8 * leg * stride
     curves.add("root.up", bob * at.wave(at.duty, double=True) * (1 - 2 * run) - bob - _LOW * leg * stride)
     turn = 2 * math.pi * (at.beats - at.duty)
     surge = (torch.sin(turn + _KICK * torch.sin(turn)) + 0.03 * torch.sin(4 * turn)) * stride

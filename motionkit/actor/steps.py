@@ -14,8 +14,9 @@ from .route import Route
 from .score import Score
 from .style import Style
 
-WALK_DUTY, RUN_DUTY = 0.53, 0.27  # share of a cycle of two beats in which a foot stands
-_AHEAD, _EARLY = 0.01, 0.42  # beats that a foot lands ahead of the body, and when in its swing it is highest
+WALK_DUTY, RUN_DUTY = 0.5, 0.27  # share of a cycle of two beats in which a foot stands
+_AHEAD, _EARLY = 0.014, 0.34  # beats that a foot lands ahead of the body, and when in its swing it is highest
+_RUN_BACK, _RUN_LIFT = 0.12, 0.24  # in a run it lands less far ahead (beats), and is lifted higher (leg lengths)
 SIDES = {"left": 1, "right": -1}
 
 
@@ -103,9 +104,9 @@ class Planner:
         duty, style, leg = WALK_DUTY + (RUN_DUTY - WALK_DUTY) * run, self.style, self.performer.leg
         land = style.heel_strike * going * (1 - run) * (1 - back) - 0.35 * back
         vary = 1 + 0.08 * style.variability * self.score.draw(f"clear {beat}")
-        raised = (style.clearance + 0.012 + (0.24 + 0.15 * style.foot_roll) * run) * leg * max(vary, 0.3)
+        raised = (style.clearance + 0.012 + (_RUN_LIFT + 0.15 * style.foot_roll) * run) * leg * max(vary, 0.3)
         return self._plant(
-            side, float(beat), beat + duty + _AHEAD - 0.12 * run, begin=beat - 2 * (1 - duty), pitch_land=-land,
+            side, float(beat), beat + duty + _AHEAD - _RUN_BACK * run, begin=beat - 2 * (1 - duty), pitch_land=-land,
             early=_EARLY, raised=raised * max(going, 0.4),
             pitch_lift=going * (style.foot_roll * (1 + 0.15 * run) * (1 - back) - 0.1 * back),
         )  # fmt: skip
