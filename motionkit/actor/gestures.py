@@ -51,7 +51,7 @@ def _jump(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None
     back = hold(at, b, (0.3, 1.35), (1.4, 1.9))
     forward = hold(at, b, (1.4, 2.2), (2.6, 3.6))
     for side in SIDES:
-        curves.add(f"{side}.flex", -0.85 * back + (2.1 * reach) * forward)
+        curves.add(f"{side}.flex", -0.65 * back + (2.1 * reach) * forward)
         curves.blend(f"{side}.elbow", 0.35, forward)
         curves.add(f"{side}.out", 0.15 * forward)
 

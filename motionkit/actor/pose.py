@@ -12,6 +12,7 @@ from ..motion import Motion
 from .feet import FootMotion
 from .gestures import kick_target
 from .layers import Curves, Moment
+from .score import smooth
 from .steps import SIDES
 
 _STRETCH = 0.992  # of a leg's length: knees never quite lock
@@ -57,10 +58,12 @@ def _trunk(curves: Curves, local: Tensor, names: dict[str, int]) -> None:
 def _arm(curves: Curves, local: Tensor, names: dict[str, int], side: str, sign: int) -> None:
     part = {p: curves[f"{side}.{p}"] for p in "flex out turn elbow hand wag shrug round".split()}
     zero = curves.nothing
-    # a raised arm takes the collar bone with it
-    lift = part["shrug"] + 0.22 * ((part["flex"] - 1.0).clamp(min=0) + (part["out"] - 1.0).clamp(min=0))
+    high = 0.22 * (part["flex"] - 1.0).clamp(min=0)  # a raised arm takes the collar bone with it
+    lift = part["shrug"] + high + 0.22 * (part["out"] - 1.0).clamp(min=0)
     local[:, names[f"{side}_collar"]] = _euler(zero, -sign * part["round"], sign * lift)
-    down = -sign * (math.pi / 2 - part["out"] + 0.6 * lift.clamp(min=0) * (part["out"] < 1.0))
+    # and is tilted by it, outwards where it hangs and inwards where it points up
+    hangs = 1 - smooth((part["flex"] - 0.6) / 1.6) - smooth(part["out"] - 0.5)
+    down = -sign * (math.pi / 2 - part["out"] - high + 0.7 * part["shrug"] * hangs)
     angles = torch.stack((-part["flex"], down, part["turn"]), -1)
     local[:, names[f"{side}_shoulder"]] = rot.euler_to_quaternion(angles, "XZX")
     elbow = part["elbow"].clamp(0.02, 2.5)
