@@ -94,7 +94,7 @@ CONTENTS = {
     "idle": ("{stand}", "{stand} in place", "{stand} around", "{wait}"),
     "peck": ("{peck}", "{peck} at the ground"),
     "roar": ("{roar}", "{roar} loudly"),
-    "sit": ("{sit} down", "{take} a seat"),
+    "sit": ("{sit} down", "{sit}"),
     "threat": ("{threaten} someone", "{make} a threat"),
     "trot": ("{trot}", "{trot} forward", "{trot} ahead", "{trot} along"),
 }

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from .. import actor
-from ..actor import CONTENTS, SEEN, UNSEEN, Performance, Performer
+from ..actor import CONTENTS, SEEN, UNSEEN, Performance, Performer, creatures
 from ..actor.captions import captions
 from ..actor.clock import WALK_RATE
 from ..actor.performing import realise
@@ -65,10 +65,8 @@ class ActorSource:
         """The clip with all that is known of it; `motionkit.actor.retell` tells it in another style."""
         asked = {"seconds": self.seconds, "fps": FPS}
         if self.creature:
-            from ..actor.creatures import creature_named, perform
-
-            who = creature_named(self.creature, self.performer)
-            return perform(self.content, self.style, self.seed, creature=who, **asked)
+            who = creatures.creature_named(self.creature, self.performer)
+            return creatures.perform(self.content, self.style, self.seed, creature=who, **asked)
         return actor.perform(self.content, self.style, self.seed, performer=self.performer, **asked)
 
     def read(self) -> Recording:
@@ -81,9 +79,7 @@ class ActorSource:
     def positions(self) -> Tensor:
         """Where the joints are, [F, J, 3] metres, float64."""
         made = self.perform()
-        tell = realise
-        if self.creature:
-            from ..actor.creatures import realise as tell
+        tell = creatures.realise if self.creature else realise
         return tell(made.score, made.style, made.performer, FPS, len(made))[0].positions()
 
 
@@ -133,28 +129,23 @@ def _people(styles: tuple[str, ...]) -> Iterator[tuple[str, str, str]]:
 
 
 def _creatures() -> Iterator[tuple[str, str, str]]:
-    from ..actor.creatures import CREATURES, creature_named
-
-    return ((c, content, style) for c in CREATURES for content in creature_named(c).contents for style in SEEN)
+    for kind in creatures.CREATURES:
+        for content in creatures.creature_named(kind).contents:
+            yield from ((kind, content, style) for style in SEEN)
 
 
 def _item(creature: str, content: str, style: str, seed: int, person: int, take: int, part: str) -> Item:
-    name = "_".join(filter(None, (creature, content, style, f"{take:02d}")))
-    texts = captions(content, style, seed, subject=f"a {creature or 'person'}")
-    labels = Labels(content, style, texts, f"{creature or 'person'} {person:02d}", name, part)
-    return Item(
-        name,
-        labels,
-        ActorSource(content, style, seed, person, _seconds(creature, content, style, seed, person), creature),
-    )
+    name, kind = "_".join(filter(None, (creature, content, style, f"{take:02d}"))), creature or "person"
+    texts = captions(content, style, seed, subject=f"a {kind}")
+    seconds = _seconds(creature, content, style, seed, person)
+    source = ActorSource(content, style, seed, person, seconds, creature)
+    return Item(name, Labels(content, style, texts, f"{kind} {person:02d}", name, part), source)
 
 
 def _seconds(creature: str, content: str, style: str, seed: int, person: int) -> float:
     """By chance, but enough for one whole gesture of somebody slow; whole frames."""
     if creature:
-        from ..actor.creatures import creature_named
-
-        who = creature_named(creature, person)
+        who = creatures.creature_named(creature, person)
         deed, rate = who.species.deeds.get(content), who.species.rate
         beats = deed.beats if deed else 0.0
     else:
