@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -25,6 +26,9 @@ from .score import WALKS, Score, compose, contents_of
 from .steps import SIDES, Planner
 from .style import Style
 
+if TYPE_CHECKING:
+    from .creatures import Creature
+
 _AROUND = 6.0  # beats planned before and after what is shown
 
 
@@ -43,7 +47,7 @@ class Performance:
     content: str
     style: Style
     seed: int
-    performer: Performer
+    performer: Performer | Creature
     score: Score
     captions: tuple[str, ...] = ()
 
@@ -91,14 +95,15 @@ def perform(
     seconds: float = 6.0,
     fps: float = 30.0,
     intensity: float = 1.0,
-    performer: Performer | int | None = None,
+    performer: Performer | Creature | int | str | None = None,
     path: object = None,
 ) -> Performance:
     """Somebody does something in some style.
 
     content: one of `CONTENTS`, or several ("walk, jump, kick" or a list), each done once in that order. style: a name
     or a `Style`; intensity as in `Style.at`. seed: another take of the same. performer: who, a number or a `Performer`
-    (left out, the seed says). path: places on the ground [N, 2], x and z in metres, that walks follow. Returns a
+    (left out, the seed says), or a creature such as "dog", which does what creatures do (`creatures.Creature.contents`).
+    path: places on the ground [N, 2], x and z in metres, that walks follow. Returns a
     `Performance` of about `seconds`. Raises MotionKitError for unknown names, numbers that are not finite, and times
     that do not hold what is asked for.
 
@@ -106,6 +111,12 @@ def perform(
     >>> p.motion, p.contacts.shape
     (Motion('walk_old_1', 120 frames at 30 fps, 4.0 s, 22 joints), torch.Size([120, 4]))
     """
+    if not isinstance(performer, Performer | int | None):
+        from . import creatures
+
+        return creatures.perform(
+            content, style, seed, seconds=seconds, fps=fps, intensity=intensity, creature=performer, path=path
+        )
     names, style = contents_of(content), style_named(style)
     for what, value, least in (("seconds", seconds, 0.1), ("fps", fps, 1.0), ("intensity", intensity, -10.0)):
         if not isinstance(value, int | float) or not math.isfinite(value) or value < least:
@@ -129,7 +140,12 @@ def retell(performance: Performance, style: str | Style, intensity: float = 1.0)
     (True, True)
     """
     wanted = style_named(style).at(intensity) if intensity != 1 else style_named(style)
-    return _tell(performance.score, performance.content, wanted, performance.performer, performance.motion.fps)
+    told = performance.score, performance.content, wanted, performance.performer, performance.motion.fps
+    if isinstance(performance.performer, Performer):
+        return _tell(*told)
+    from .creatures import tell
+
+    return tell(*told)
 
 
 def _fitting(

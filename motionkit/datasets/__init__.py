@@ -54,8 +54,11 @@ __all__ = [
 # dataset -> the module here whose `items(name, root, ...)` lists its clips
 _READERS = {
     "100style": "style100",
+    "actor": "made",
+    "actor-unseen": "made",
     "bandai-1": "bandai",
     "bandai-2": "bandai",
+    "creatures": "made",
     "folder": "folder",
     "humanml3d": "humanml3d_files",
     "xia": "xia",
@@ -66,7 +69,7 @@ def names() -> list[str]:
     """The datasets that `load` knows.
 
     >>> names()
-    ['100style', 'bandai-1', 'bandai-2', 'folder', 'humanml3d', 'xia']
+    ['100style', 'actor', 'actor-unseen', 'bandai-1', 'bandai-2', 'creatures', 'folder', 'humanml3d', 'xia']
     """
     return sorted(_READERS)
 
@@ -77,7 +80,7 @@ def items_of(name: str, root: str | os.PathLike | None = None, **options) -> Seq
     >>> items_of("bandai")
     Traceback (most recent call last):
     ...
-    motionkit.errors.MotionKitError: no dataset 'bandai'; there are '100style', 'bandai-1', ...
+    motionkit.errors.MotionKitError: no dataset 'bandai'; there are '100style', 'actor', ...
     """
     if name not in _READERS:
         raise MotionKitError(f"no dataset {name!r}; there are {', '.join(map(repr, names()))}")
