@@ -95,15 +95,14 @@ CONTENTS = {
     "peck": ("{peck}", "{peck} at the ground"),
     "roar": ("{roar}", "{roar} loudly"),
     "sit": ("{sit} down", "{sit}"),
-    "threat": ("{threaten} someone", "{make} a threat"),
+    "threat": ("{threaten} someone", "{raise} both claws"),
     "trot": ("{trot}", "{trot} forward", "{trot} ahead", "{trot} along"),
 }
 _LIMBS = {"kick": "leg", "wave": "hand"}
 _PAST = {
-    "bend": "bent", "bite": "bit", "creep": "crept", "eat": "ate", "fly": "flew", "go": "went", "make": "made",
-    "put": "put",
-    "rise": "rose", "run": "ran", "sit": "sat", "stand": "stood", "stride": "strode", "strike": "struck",
-    "swing": "swung", "take": "took", "throw": "threw",
+    "bend": "bent", "bite": "bit", "creep": "crept", "fly": "flew", "go": "went", "put": "put", "rise": "rose",
+    "run": "ran", "sit": "sat", "stand": "stood", "stride": "strode", "strike": "struck", "swing": "swung",
+    "take": "took", "throw": "threw",
 }  # fmt: skip
 
 
