@@ -1,6 +1,7 @@
 """Sentences about performances, and their two rewrites."""
 
 import re
+from functools import cache
 
 import pytest
 
@@ -20,12 +21,14 @@ CORE = {
 }  # fmt: skip
 
 
+@cache
 def every(style: str, count: int = 12) -> list[tuple[str, str]]:
     """Captions of all contents and a sequence in a style, with what is done."""
     contents = (*CONTENTS, SEQUENCE)
     return [(content, text) for content in contents for text in captions(content, style, seed=5, count=count)]
 
 
+@cache
 def words_of(style: str) -> re.Pattern:
     """Any word that tells the style: phrases, adjectives, and verbs in all their forms."""
     how, who, walks = STYLES[style]
@@ -136,7 +139,7 @@ def test_to_neutral_takes_all_words_of_style(style):
 @pytest.mark.parametrize("style", STYLED)
 def test_to_style_says_the_style(style):
     how = STYLES[style].how[0]
-    for other in NAMES:
+    for other in {*NAMES[::3], style}:
         for _, text in every(other, count=4):
             there = to_style(to_neutral(text), style)
             assert there.count(how) == 1, (text, there)
@@ -181,4 +184,4 @@ def test_bad_input():
         with pytest.raises(mk.MotionKitError, match="count: expected a whole number"):
             captions("walk", "old", count=count)
     with pytest.raises(mk.MotionKitError, match="count: there are"):
-        captions("punch", "old", count=10_000)
+        captions("punch", "old", count=2_000)

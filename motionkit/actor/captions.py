@@ -125,7 +125,7 @@ def captions(
     a person is walking in old age
     somebody shuffled along
     the person walks along as old people do
-    the old person walks
+    an elderly person walks
     """
     if not isinstance(count, int) or count < 1:
         raise MotionKitError(f"count: expected a whole number of at least 1; found {count!r}")
@@ -133,15 +133,13 @@ def captions(
     words = _words(_name(style))
     subject = re.sub("^an? (.*)", lambda m: _a(m[1]), subject)
     ways = _ways(content, acts)
-    found = [f"{subject} is {_doing([w[0] for w in ways], 'ing')}{_comma(ways)} {words.how[0]}"]
+    found = {f"{subject} is {_doing([w[0] for w in ways], 'ing')}{_comma(ways)} {words.how[0]}": None}
     forms = _forms(words, ways)
     chance.shuffle(forms)
     for n in range(50 * count):
         if len(found) >= count:
             break
-        sentence = _sentence(forms[n % len(forms)], subject, ways, words, chance)
-        if sentence not in found:
-            found.append(sentence)
+        found[_sentence(forms[n % len(forms)], subject, ways, words, chance)] = None
     if len(found) < count:
         raise MotionKitError(f"count: there are {len(found)} sentences about {content!r}; found {count!r}")
     return tuple(found)
@@ -238,7 +236,8 @@ def _sentence(form: str, subject: str, ways: list[list[str]], words: Words, chan
     who = chance.choice((subject, f"the {noun}", *(("someone", "somebody") if noun == "person" else ())))
     how, adverb, walk = (chance.choice(c) if c else "" for c in (words.how, _adverbs(words), words.walks))
     if form == "who":
-        who = f"{chance.choice((_a, 'the {}'.format))(chance.choice(words.who) + ' ' + noun)}"
+        who = f"{chance.choice(words.who)} {noun}"
+        who = chance.choice((_a(who), f"the {who}"))
     if form == "walks":
         after = chance.choice(("", f" {adverb}")) if adverb[:4] not in ("", walk[:4]) else ""
         doing = [d.replace("{walk}", f"{{{walk}}}{after}") for d in doing]

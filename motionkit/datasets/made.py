@@ -63,11 +63,8 @@ class ActorSource:
 
     def perform(self) -> Performance:
         """The clip with all that is known of it; `motionkit.actor.retell` tells it in another style."""
-        asked = {"seconds": self.seconds, "fps": FPS}
-        if self.creature:
-            who = creatures.creature_named(self.creature, self.performer)
-            return creatures.perform(self.content, self.style, self.seed, creature=who, **asked)
-        return actor.perform(self.content, self.style, self.seed, performer=self.performer, **asked)
+        who = creatures.creature_named(self.creature, self.performer) if self.creature else self.performer
+        return actor.perform(self.content, self.style, self.seed, seconds=self.seconds, fps=FPS, performer=who)
 
     def read(self) -> Recording:
         """The motion, with contacts [F, K], and phase and beats [F, 1]; see `Performance`."""
