@@ -1,7 +1,7 @@
 """Creatures with other bodies that perform as people do: dog, crab, ostrich, dragon, and a humanoid of 31 joints.
 
 >>> perform("sit", "tired", seed=1, creature="dog").motion
-Motion('dog_sit_tired_1', 180 frames at 30 fps, 6.0 s, 32 joints)
+Motion('dog_sit_tired_1', 180 frames at 30 fps, 6.0 s, 33 joints)
 """
 
 from .performing import CREATURES, creature_named, perform, realise, retell

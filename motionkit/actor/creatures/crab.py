@@ -33,13 +33,18 @@ _BONES = both_sides((
     ("shell", "body", (0.0, 0.29, -0.12), (0.0, 0.27, -0.2)),
     ("face", "body", (0.0, 0.28, 0.15), (0.0, 0.27, 0.19)),
     ("left_eye", "face", (0.05, 0.31, 0.17), (0.06, 0.38, 0.19)),
-    ("left_claw_shoulder", "body", (0.11, 0.25, 0.17)),
-    ("left_claw_elbow", "left_claw_shoulder", (0.25, 0.29, 0.27)),
-    ("left_claw_wrist", "left_claw_elbow", (0.2, 0.24, 0.42)),
-    ("left_claw_palm", "left_claw_wrist", (0.1, 0.2, 0.48), (0.02, 0.19, 0.5)),
-    ("left_claw_finger", "left_claw_palm", (0.06, 0.23, 0.5), (0.01, 0.22, 0.52)),
+    ("left_claw_shoulder", "body", (0.12, 0.25, 0.17)),
+    ("left_claw_elbow", "left_claw_shoulder", (0.31, 0.31, 0.3)),
+    ("left_claw_wrist", "left_claw_elbow", (0.25, 0.25, 0.5)),
+    ("left_claw_palm", "left_claw_wrist", (0.14, 0.2, 0.58)),
+    ("left_claw_thumb", "left_claw_palm", (0.03, 0.19, 0.63), (-0.01, 0.2, 0.64)),
+    ("left_claw_finger", "left_claw_palm", (0.1, 0.25, 0.61), (-0.01, 0.24, 0.65)),
     *_leg_bones(),
 ))  # fmt: skip
+
+
+def _claw(side: str) -> tuple[str, ...]:
+    return tuple(f"{side}_claw_{part}" for part in ("shoulder", "elbow", "wrist", "palm"))
 
 
 def _legs() -> tuple[Leg, ...]:
@@ -69,7 +74,7 @@ def _life(at: Moment, curves: Curves) -> None:
         curves.add(f"{side}_claw_finger.pitch", -0.7 * snap - 0.5 * angry)
         curves.add(f"{side}_eye.yaw", 2.5 * s.look * at.noise(f"{side} eye", 0.5))
     pair(curves, "left_eye", pitch=0.8 * max(down, 0.0) - 0.3 * pride + 0.1 * at.noise("eyes", 0.7),
-         roll=0.3 * max(down, 0.0))  # fmt: skip
+         roll=-0.3 * max(down, 0.0))  # fmt: skip
     curves.add("trunk.pitch", -0.35 * pride - 0.25 * angry + 0.1 * max(down, 0.0))
     curves.add("root.up", 0.2 * at.performer.leg * (pride + 0.4 * angry) - 0.14 * at.performer.leg * max(down, 0.0))
     curves.add("trunk.roll", go * 0.05 * s.bob * at.wave(0.4, double=True))
@@ -98,7 +103,7 @@ CRAB = Species(
     name="crab",
     bones=_BONES,
     legs=_legs(),
-    chains={"neck": ("face",), "tail": ("shell",)},
+    chains={"neck": ("face",), "tail": ("shell",), "left_claw": _claw("left"), "right_claw": _claw("right")},
     gaits={"walk": "walk", "walk_turn_left": "walk_turn_left", "walk_turn_right": "walk_turn_right"},
     deeds={"threat": Deed(7.5, _threat)},
     step=0.15,

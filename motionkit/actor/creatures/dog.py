@@ -38,7 +38,7 @@ _BONES = both_sides((
     ("LeftEar", "Head", (0.055, 0.85, 0.42), (0.1, 0.77, 0.42)),
 ))  # fmt: skip
 
-_SIT, _STAND = (0.4, 2.2), (5.3, 6.9)  # beats
+_SIT, _STAND = (0.3, 2.4), (4.6, 6.4)  # beats
 
 
 def _life(at: Moment, curves: Curves) -> None:
@@ -50,17 +50,17 @@ def _life(at: Moment, curves: Curves) -> None:
     curves.add("neck.pitch", 0.12 * at.going - 0.12 * at.running)
     nod = torch.sin(2 * math.pi * (at.beats - 0.45 - s.follow_through))
     flap = at.going * 0.14 * s.bob * (1 + at.running) * nod
-    pair(curves, "LeftEar", pitch=0.4 * s.sharpness - 0.16 + 0.06 * at.noise("ears", 0.6), roll=-flap + 0.25 * down)
-    curves.add("Jaw.pitch", 0.12 + 0.05 * torch.sin(2 * math.pi * 2.6 * at.seconds))
+    pair(curves, "LeftEar", pitch=0.4 * s.sharpness - 0.16 + 0.06 * at.noise("ears", 0.6), roll=flap - 0.25 * down)
+    curves.add("Jaw.pitch", 0.12 + 0.4 * max(s.sharpness - 0.5, 0.0) + 0.05 * torch.sin(2 * math.pi * 2.6 * at.seconds))
     curves.add("spine.pitch", -0.06 * at.going * at.wave(0.5, double=True))
 
 
 def _sit(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None:
     down, deep = hold(at, b, _SIT, _STAND), min(0.62 + 0.38 * reach, 1.06)
     size = at.performer.leg / 0.53
-    curves.add("root.up", -0.335 * size * deep * down)
-    curves.add("root.ahead", 0.16 * size * deep * down)
-    curves.add("trunk.pitch", -0.98 * deep * down)
+    curves.blend("root.up", -0.33 * size * deep, down)
+    curves.add("root.ahead", 0.185 * size * deep * down)
+    curves.blend("trunk.pitch", -0.98 * deep, down)
     curves.add("spine.pitch", 0.42 * deep * down)
     curves.add("neck.pitch", 0.22 * delayed(down, at.beats, at.style.follow_through))
     curves.add("head.pitch", 0.2 * down - 0.15 * hold(at, b, (2.2, 2.8), (4.6, 5.4)))
@@ -71,7 +71,7 @@ def _sit(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None:
         curves.add(f"{side}Hock.fold", -0.95 * deep * down)
 
 
-_STEPS = ((0, 0.9, 1.5, 0.27), (1, 1.3, 1.9, 0.27), (1, 5.6, 6.2, -0.27), (0, 6.1, 6.7, -0.27))
+_STEPS = ((0, 0.6, 1.3, 0.34), (1, 1.0, 1.7, 0.34), (1, 5.5, 6.2, -0.34), (0, 6.0, 6.8, -0.34))
 
 
 def _legs() -> tuple[Leg, ...]:
@@ -103,4 +103,5 @@ DOG = Species(
     life=_life,
     duty=(0.64, 0.46),
     roll=0.7,
+    droop=1.25,
 )  # fmt: skip

@@ -45,8 +45,8 @@ _BONES = both_sides((
 
 def _wings(curves: Curves, spread: Tensor | float, raised: Tensor | float) -> None:
     """Unfold the wings: 0 folded, 1 spread; raised: radians up."""
-    pair(curves, "WingArm_L", roll=-(0.3 * spread + raised), yaw=-0.25 * spread)
-    pair(curves, "WingElbow_L", yaw=-1.55 * spread, roll=-0.2 * spread)
+    pair(curves, "WingArm_L", roll=0.15 * spread + raised, yaw=-0.25 * spread)
+    pair(curves, "WingElbow_L", yaw=-1.55 * spread, roll=0.2 * spread)
     pair(curves, "WingHand_L", yaw=0.55 * spread)
     pair(curves, "WingTip_L", yaw=0.25 * spread)
 
@@ -68,6 +68,7 @@ def _life(at: Moment, curves: Curves) -> None:
     bounce = go * 0.1 * s.bob * at.wave(0.4 + late, double=True)
     opened = 0.28 * pride + 0.25 * max(s.sharpness - 0.4, 0.0) + 0.2 * max(s.arm_out - 0.3, 0.0)
     _wings(curves, opened + 0.03 * breathing, 0.3 * pride + 0.05 * breathing - 0.4 * max(down, 0.0) + 0.4 * bounce)
+    pair(curves, "WingElbow_L", pitch=-0.4 * max(down, 0.0))
     pair(curves, "WingHand_L", roll=delayed(bounce, at.beats, late))
 
 
@@ -109,6 +110,7 @@ DRAGON = Species(
         "spine": ("SpineBone1", "SpineBone2", "ChestBone"),
         "neck": ("NeckBone1", "NeckBone2", "NeckBone3", "HeadBone"),
         "tail": _TAIL,
+        **{f"wing_{side}": tuple(f"Wing{p}_{side}" for p in ("Arm", "Elbow", "Hand", "Tip")) for side in "LR"},
     },
     gaits={"walk": "walk", "walk_turn_left": "walk_turn_left", "walk_turn_right": "walk_turn_right"},
     deeds={"roar": Deed(4.5, _roar)},

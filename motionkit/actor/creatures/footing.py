@@ -14,6 +14,8 @@ from ..score import Score, smooth
 from ..style import Style
 from .species import Creature, Leg
 
+_HIGHEST = 0.25  # of the leg: no swing goes higher
+
 
 @dataclass
 class Stand:
@@ -102,7 +104,8 @@ class Footing:
         vary = style.variability * going * size
         x, z = x + 0.012 * vary * self.score.draw(f"x {name}"), z + 0.012 * vary * self.score.draw(f"z {name}")
         yaw += leg.side * style.toe_out * 0.6 + 0.02 * style.variability * self.score.draw(f"toe {name}")
-        high = 0.05 + 1.1 * style.clearance + 0.06 * fast
+        high = 0.05 + 0.9 * style.clearance + 0.06 * fast
+        high = _HIGHEST * math.tanh(high / _HIGHEST)
         raised = high * size * max(0.3, 1 + 0.08 * style.variability * self.score.draw(f"clear {name}"))
         roll = self.creature.species.roll
         return Stand(
@@ -143,16 +146,23 @@ def move_foot(stands: list[Stand], leg: Leg, beats: Tensor, style: Style, creatu
     planted = beats < here["lift"]
     span = (there["land"] - here["lift"]).clamp(min=1e-6).nan_to_num(1.0, 1.0, 1.0)
     v = torch.where(planted, 0.0, ((beats - here["lift"]) / span).nan_to_num(0.0).clamp(0, 1))
-    margin = 0.3 * max(style.sharpness - 0.4, 0.0)
+    margin = 0.25 * max(style.sharpness - 0.4, 0.0) * (1 - style.pauses)  # a pause is sharp enough
     eased = smooth((v - margin) / (1 - 2 * margin))
     pitch = torch.where(planted, _stance_pitch(beats, here, there), _swing_pitch(v, span, here, there, leg.fold))
-    level = float(_rest_of(creature, leg.foot)[1])
+    level, toes = float(_rest_of(creature, leg.foot)[1]), _toe_length(creature, leg)
     height = level + there["raised"] * torch.sin(math.pi * v**0.9) ** 2
     flat = torch.stack([torch.lerp(here[c], there[c], eased) for c in "xz"])
     place = torch.stack((flat[0], height, flat[1]), 1)
     yaw = here["yaw"] + rot.wrap(there["yaw"] - here["yaw"]) * eased
     droop = torch.where(planted, 0.0, (0.25 + leg.fold) * torch.sin(math.pi * v) ** 2)
+    room = torch.asin((level + 0.8 * (height - level)).clamp(max=0.99 * toes) / toes) - math.asin(level / toes)
+    droop = droop * room / (droop + room + 1e-9)  # toes do not dip into the floor
     return FootPath(place, yaw, pitch, droop, planted)
+
+
+def _toe_length(creature: Creature, leg: Leg) -> float:
+    joint = creature.skeleton.index(leg.foot)
+    return math.hypot(*next(offset for j, offset in creature.skeleton.end_sites if j == joint))
 
 
 def _stance_pitch(beats: Tensor, here: dict, there: dict) -> Tensor:

@@ -18,7 +18,7 @@ from ..score import GESTURES, WALKS, Score
 from ..style import Style
 from .species import Creature, Deed, Leg, Species
 
-# Each joint: its parent, and the joints of the 22 between which it lies, with its share of the way from one to the next.
+# Each joint: its parent, and the joint of the 22 whose bone and turn it has, with its share of both.
 _RIG = (
     ("Hips", "", "pelvis", 1.0),
     ("LHipJoint", "Hips", "left_hip", 0.4), ("LeftUpLeg", "LHipJoint", "left_hip", 0.6),
@@ -120,4 +120,5 @@ HUMANOID = Species(
     step=0.7,
     rate=1.85,
     life=_nothing,
+    feet=("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase"),
 )

@@ -43,7 +43,7 @@ def low(at: Moment) -> float:
 def posture(at: Moment, curves: Curves) -> None:
     """How the body is held, standing or moving."""
     s, size, kind = at.style, at.performer.leg, at.performer.species
-    curves.add("root.up", -0.8 * s.crouch * size - 0.06 * size * max(low(at), 0.0))
+    curves.add("root.up", -0.65 * s.crouch * size - 0.06 * size * max(low(at), 0.0))
     curves.add("trunk.pitch", 0.2 * (s.lean - 0.03) + 0.1 * (s.pelvis_tilt - 0.08) + 0.05 * s.slump)
     curves.add("neck.pitch", kind.droop * (0.95 * (s.slump - 0.05) + 0.5 * (s.lean - 0.03)) - 0.5 * s.shoulder_lift)
     curves.add("head.pitch", (s.head_pitch - 0.04) - 0.45 * kind.droop * (s.slump - 0.05) + 0.3 * s.shoulder_lift)
@@ -57,14 +57,14 @@ def breath(at: Moment, curves: Curves) -> None:
     breathing = torch.sin(2 * math.pi * at.beats / 5.0 + at.score.draw("breath")) * (s.variability > 0)
     standing, alive = 1 - at.going, min(s.variability, 1.5)
     curves.add("root.up", 0.006 * size * breathing * standing)
-    curves.add("neck.pitch", -0.02 * breathing + 0.05 * alive * standing * at.noise("nod", 1.3))
+    curves.add("neck.pitch", -0.025 * breathing + 0.09 * alive * standing * at.noise("nod", 0.9))
     curves.add("root.side", standing * 0.02 * size * alive * (0.5 + 0.5 * s.sway) * at.noise("shift", 1.6))
     curves.add("trunk.roll", standing * 0.015 * alive * at.noise("shift", 1.6))
     curves.add("root.ahead", standing * 0.014 * size * alive * at.noise("rock", 1.3))
-    look = (0.6 + 1.4 * standing) * s.look * at.noise("look", 0.8)
+    look = 0.6 * torch.tanh((0.6 + 2.4 * standing) * s.look / 0.6 * at.noise("look", 0.6))
     curves.add("neck.yaw", 1.6 * look)
     curves.add("head.yaw", 1.2 * delayed(look, at.beats, s.follow_through))
-    curves.add("head.pitch", s.look * at.noise("glance", 0.9))
+    curves.add("head.pitch", 0.5 * s.look * at.noise("glance", 0.9))
     curves.add("tail.yaw", 0.16 * alive * at.noise("tail", 0.6))
     curves.add("tail.pitch", 0.06 * alive * at.noise("tail up", 0.8))
     for part, amount in (("trunk.roll", 0.08), ("spine.yaw", 0.14), ("neck.yaw", 0.2), ("neck.roll", 0.1)):
@@ -82,7 +82,7 @@ def gait(at: Moment, curves: Curves) -> None:
     duty = kind.duty[0] + (kind.duty[1] - kind.duty[0]) * run
     lag, stride = 0.5 * s.follow_through, (s.step_length * go).clamp(max=1.3)
     bob = (0.02 + 0.035 * run) * s.bob * size * stride
-    rise = at.wave(duty - 0.35 * run, double=True)
+    rise = at.wave(duty - 0.5 * run, double=True)  # highest over a standing leg, or between two leaps
     curves.add("root.up", bob * rise - bob)
     middle = at.wave(duty)  # +1 in the middle of the first left leg's stance
     curves.add("root.side", go * middle * kind.sway * 0.02 * size * s.sway * vary)

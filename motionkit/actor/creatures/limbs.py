@@ -12,6 +12,8 @@ from ... import rotations as rot
 from .species import Creature, Leg, Species
 
 STRETCH = 0.995  # of a leg's length: knees never quite lock
+_FOLDED = 0.42  # and a knee folds no further than to this share of it
+_LOWEST = 0.12  # of a foot's length: an ankle that lies down stays this far above its toes
 _FOLLOW = 0.5  # how much of its lean a foot takes over from the leg
 
 
@@ -54,7 +56,7 @@ def rest_legs(species: Species, size: float) -> RestLegs:
 
 
 def frame(along: Tensor, normal: Tensor) -> Tensor:
-    """Matrices [..., 3, 3] whose columns are a bone's direction, its plane's normal made square to it, and the third."""
+    """Matrices [..., 3, 3]: columns are a bone's direction, its plane's normal made square to it, and the third."""
     x = rot.normalize(along)
     y = rot.normalize(normal - (normal * x).sum(-1, keepdim=True) * x)
     return torch.stack((x, y, torch.linalg.cross(x, y)), -1)
@@ -80,11 +82,15 @@ def ankles(rest: RestLegs, hip: Tensor, toe: Tensor, yaw: Tensor, pitch: Tensor)
     def leaves(reach: Tensor) -> Tensor:  # the angle at which hip and ankle are this far from each other
         return torch.acos(((far**2 + rest.foot**2 - reach**2) / (2 * far * rest.foot)).clamp(-1, 1))
 
-    least = leaves(1.15 * (rest.upper - rest.lower).abs() + 0.05 * rest.upper)
+    least = leaves(_FOLDED * (rest.upper + rest.lower))
     angle = least + _soft(angle - least)
     most = leaves(STRETCH * (rest.upper + rest.lower))
     angle = (most - _soft(most - angle)).clamp(min=0.0)
     direction = torch.cos(angle)[..., None] * along + torch.sin(angle)[..., None] * aside
+    height = _LOWEST + _soft(direction[..., 1:2] - _LOWEST)
+    level = rot.normalize(direction * direction.new_tensor([1.0, 0.0, 1.0]))
+    raised = level * torch.sqrt((1 - height**2).clamp(min=0))
+    direction = torch.cat((raised[..., :1], height.clamp(max=1.0), raised[..., 2:]), -1)
     return toe + rest.foot[:, None] * direction
 
 
@@ -131,10 +137,10 @@ def blade_swing(leg: Leg, creature: Creature, ahead: Tensor) -> Tensor:
 def off_the_floor(place: Tensor, turn: Tensor, bone: Tensor, floor: float) -> Tensor:
     """The turn [F, 4] of a bone [3] that starts at place [F, 3], raised where its end would be below `floor`, metres.
 
-    >>> turn = off_the_floor(torch.tensor([[0.0, 0.1, 0.0]]), rot.identity_quaternion(1),
-    ...                      torch.tensor([0.0, -1.0, 0.1]), 0.02)
-    >>> bool(rot.quaternion_rotate(turn, torch.tensor([[0.0, -1.0, 0.1]]))[0, 1] >= 0.02 - 0.1)
-    True
+    >>> place, down = torch.tensor([[0.0, 0.5, 0.0]]), torch.tensor([0.0, -1.0, 0.1])
+    >>> turn = off_the_floor(place, rot.identity_quaternion(1), down, 0.02)
+    >>> (place + rot.quaternion_rotate(turn, down[None]))[0, 1].round(decimals=2)
+    tensor(0.0200)
     """
     way = rot.quaternion_rotate(turn, bone.expand_as(place))
     length = float(torch.linalg.vector_norm(bone))

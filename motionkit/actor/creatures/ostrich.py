@@ -48,7 +48,7 @@ def _life(at: Moment, curves: Curves) -> None:
     curves.add("head.pitch", 0.3 * thrust)
     open_wing = 0.25 * (s.arm_out - 0.13) + 0.5 * pride + 0.35 * max(s.sharpness - 0.5, 0.0) + 0.35 * at.running
     flap = go * 0.25 * s.arm_swing * at.wave(0.3 + late, double=True)
-    pair(curves, "wing_L", roll=-(1.1 * open_wing + 0.3 * flap), yaw=-0.9 * open_wing, pitch=-0.2 * max(down, 0.0))
+    pair(curves, "wing_L", roll=1.1 * open_wing + 0.3 * flap, yaw=-0.9 * open_wing, pitch=-0.2 * max(down, 0.0))
     pair(curves, "wing_elbow_L", yaw=-0.6 * open_wing + 0.3 * delayed(flap, at.beats, late))
     curves.add("tail.yaw", 0.25 * s.arm_swing * torch.sin(2 * math.pi * 2.0 * at.beats) * (at.noise("wag", 0.4) > 0.9))
     curves.add("spine.yaw", -go * 0.05 * at.wave(0.2))
@@ -56,18 +56,18 @@ def _life(at: Moment, curves: Curves) -> None:
 
 def _peck(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None:
     """The long neck goes down to the ground, the beak picks three times, and up it comes with a swallow."""
-    down = hold(at, b, (0.2, 1.4), (3.2, 4.6))
+    down = hold(at, b, (0.0, 1.7), (3.1, 4.9))
     deep = min(0.55 + 0.45 * reach, 1.05)
     late = delayed(down, at.beats, 0.12 + 0.5 * at.style.follow_through)
-    pick = hold(at, b, (1.4, 1.6), (2.9, 3.2)) * torch.sin(2 * math.pi * (b - 1.4) / 0.6).clamp(min=-0.4)
+    pick = hold(at, b, (1.5, 1.9), (2.8, 3.2)) * (0.4 - 0.6 * torch.cos(2 * math.pi * (b - 1.6) / 0.75))
     size = at.performer.leg / 1.14
-    curves.add("trunk.pitch", 0.42 * deep * down)
-    curves.add("root.up", -0.16 * size * deep * down)
+    curves.add("trunk.pitch", 0.55 * deep * down)
+    curves.add("root.up", -0.22 * size * deep * down)
     curves.add("root.ahead", -0.1 * size * down)
-    for joint, turn in (("neck1", 0.55), ("neck2", 0.6), ("neck3", 0.4), ("neck4", 0.3), ("neck5", 0.25)):
+    for joint, turn in (("neck1", 1.25), ("neck2", 1.0), ("neck3", 0.3), ("neck4", -0.1), ("neck5", -0.25)):
         curves.add(f"{joint}.pitch", turn * deep * (down if joint < "neck3" else late))
-    curves.add("neck4.pitch", 0.22 * pick)
-    curves.add("head.pitch", -0.85 * deep * late + 0.3 * pick)
+    curves.add("neck4.pitch", 0.16 * pick)
+    curves.add("head.pitch", -1.25 * deep * late + 0.16 * pick)
     curves.add("neck.yaw", act.side * 0.2 * down)
     curves.add("tail.pitch", 0.45 * late)
     swallow = hold(at, b, (4.0, 4.4), (4.5, 4.9))

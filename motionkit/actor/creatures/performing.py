@@ -69,7 +69,7 @@ def perform(
 
     >>> p = perform("trot", "proud", seed=1, seconds=4, creature="dog")
     >>> p.motion, p.contacts.shape
-    (Motion('dog_trot_proud_1', 120 frames at 30 fps, 4.0 s, 32 joints), torch.Size([120, 4]))
+    (Motion('dog_trot_proud_1', 120 frames at 30 fps, 4.0 s, 33 joints), torch.Size([120, 4]))
     """
     who, style = creature_named(creature, seed), style_named(style)
     for what, value, least in (("seconds", seconds, 0.1), ("fps", fps, 1.0), ("intensity", intensity, -10.0)):

@@ -13,8 +13,7 @@ from .life import delayed
 from .limbs import RestLegs, ankles, blade_swing, leg_turns, lowered, off_the_floor, rest_legs
 from .species import Creature
 
-_PARTS = ("pitch", "yaw", "roll")
-_FLOORED = ("tail", "neck")  # chains that are kept off the floor
+_PARTS = ("yaw", "pitch", "roll")
 
 
 class _Body:
@@ -42,15 +41,21 @@ class _Body:
         down = torch.stack((torch.zeros_like(drop), drop, torch.zeros_like(drop)), 1)
         self.place = [None if place is None else place - down for place in self.place]
 
-    def keep_off_the_floor(self, joint: int, floor: float) -> None:
-        """Raise a joint's bone where its end would be below the floor; its children must be put in place again."""
-        bones = [self.skeleton.offsets[c] for c in self.skeleton.children[joint]]
-        bones += [self.local.new_tensor(o) for j, o in self.skeleton.end_sites if j == joint]
-        longest = max(bones, key=lambda b: float(b.norm()))
-        turn = off_the_floor(self.place[joint], self.turn[joint], longest, floor)
+    def keep_off_the_floor(self, joint: int, bone: Tensor, floor: float) -> None:
+        """Raise a joint's bone [3] where its end would be below the floor."""
+        turn = off_the_floor(self.place[joint], self.turn[joint], bone, floor)
         if turn is not self.turn[joint]:
             above = rot.quaternion_inverse(self.turn[self.skeleton.parents[joint]])
             self.local[:, joint], self.turn[joint] = rot.quaternion_multiply(above, turn), turn
+
+
+def _bones(creature: Creature, joint: int, after: int | None) -> list[Tensor]:
+    """From a chain's joint to the one after it, [3] metres; from its last joint to all bone ends that hang on it."""
+    skeleton, rest = creature.skeleton, creature.rest
+    if after is not None:
+        return [skeleton.offsets[after]]
+    hanging = skeleton.below(joint)
+    return [rest[j] + rest.new_tensor(end) - rest[joint] for j, end in skeleton.end_sites if j in hanging]
 
 
 def assemble(at: Moment, curves: Curves, feet: list[FootPath], fps: float) -> Motion:
@@ -68,12 +73,14 @@ def assemble(at: Moment, curves: Curves, feet: list[FootPath], fps: float) -> Mo
     hips = torch.stack([body.place[j[0]] for j in rest.joints], 1)
     drop = lowered(rest, hips, toes, fps)
     body.sink(drop)
-    for name in _FLOORED:
-        for joint in (skeleton.index(j) for j in creature.species.chains.get(name, ())):
+    for name, joints in creature.species.chains.items():
+        chain = [skeleton.index(j) for j in joints] if name != "spine" else []
+        for joint, after in zip(chain, (*chain[1:], None)):
             body.follow(joint)
-            body.keep_off_the_floor(joint, 0.03 * creature.leg)
+            for bone in _bones(creature, joint, after):
+                body.keep_off_the_floor(joint, bone, 0.03 * creature.leg)
     hips = hips - torch.stack((torch.zeros_like(drop), drop, torch.zeros_like(drop)), 1)[:, None]
-    _legs(at, curves, body, rest, feet, hips, toes)
+    _legs(at, curves, body, rest, feet, hips, toes, heading)
     return Motion.from_root(skeleton, rot.unroll(local), body.place[0], fps)
 
 
@@ -92,18 +99,17 @@ def _angles(at: Moment, curves: Curves) -> Tensor:
     creature: Creature = at.performer
     skeleton = creature.skeleton
     angles = torch.zeros(len(at.beats), len(skeleton), 3, dtype=torch.float64)
-    order = ("yaw", "pitch", "roll")
-    for n, part in enumerate(order):
+    for n, part in enumerate(_PARTS):
         angles[:, 0, n] += curves[f"trunk.{part}"]
     for name, chain in creature.species.chains.items():
         late = (0.25 + at.style.follow_through) * (0.35 if name == "tail" else 0.12)
         for link, joint in enumerate(chain):
-            for n, part in enumerate(order):
+            for n, part in enumerate(_PARTS):
                 if f"{name}.{part}" in curves:
                     turn = delayed(curves[f"{name}.{part}"], at.beats, late * link)
                     angles[:, skeleton.index(joint), n] += turn / len(chain)
     for joint, own in enumerate(skeleton.names):
-        for n, part in enumerate(order):
+        for n, part in enumerate(_PARTS):
             if f"{own}.{part}" in curves:
                 angles[:, joint, n] += curves[f"{own}.{part}"]
     return angles
@@ -118,15 +124,19 @@ def _root(curves: Curves, creature: Creature, place: Tensor, heading: Tensor) ->
 
 
 def _legs(
-    at: Moment, curves: Curves, body: _Body, rest: RestLegs, feet: list[FootPath], hips: Tensor, toes: Tensor
-) -> None:
+    at: Moment, curves: Curves, body: _Body, rest: RestLegs, feet: list[FootPath], hips: Tensor, toes: Tensor,
+    heading: Tensor,
+) -> None:  # fmt: skip
     """Thighs, shins, feet and toes from where hips and toes are."""
     legs = at.performer.species.legs
     yaw, droop = (torch.stack([getattr(f, what) for f in feet], 1) for what in ("yaw", "droop"))
     pitch = torch.stack([f.pitch + curves[f"{leg.joints[2]}.fold"] for f, leg in zip(feet, legs)], 1)
     above = torch.stack([body.turn[j] for j in rest.above], 1)
     out = rest.knee.new_tensor([[leg.side * (at.style.knee_out - 0.08), 0.0, 0.0] for leg in legs])
-    pole = rot.quaternion_rotate(above, (rest.knee + out).expand_as(hips))
+    facing = rot.yaw_to_quaternion(heading)[:, None]
+    points = (rest.knee + out).expand_as(hips)
+    # a knee that went all the way with a trunk that rears up would come to lie along its leg
+    pole = 0.5 * rot.quaternion_rotate(above, points) + 0.5 * rot.quaternion_rotate(facing, points)
     ankle = ankles(rest, hips, toes, yaw, pitch)
     turns = leg_turns(rest, hips, ankle, toes, pole)
     toe = rot.euler_to_quaternion(torch.stack((yaw, droop, torch.zeros_like(yaw)), -1), "YXZ")

@@ -54,7 +54,7 @@ def compose(creature: Creature, contents: tuple[str, ...], seed: int, beats: flo
 def _walk(name: str, start: float, length: float, chance: random.Random) -> Act:
     turn = 0.0
     if "turn" in name:
-        turn = math.radians(chance.uniform(60, 150)) * (1 if name.endswith("left") else -1)
+        turn = math.radians(chance.uniform(40, 95)) * (1 if name.endswith("left") else -1)
     return Act(name, start, length, 1, chance.gauss(0, 1), turn)
 
 

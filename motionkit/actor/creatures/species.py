@@ -58,12 +58,13 @@ class Deed:
 class Species:
     """A kind of creature, in metres, seconds and beats (half a cycle of the legs).
 
-    bones: rest pose. chains: joints of `spine`, `neck`, `tail` from the trunk outwards, which share the curves of that
-    name and follow one after the other. gaits: contents that travel, each with the way that `plan_route` knows. step,
-    rate: metres and beats a second of the neutral walk. duty: share of a cycle in which a leg stands, walking and
-    running. life: puts what is its own on the curves, given (moment, curves). facing: yaw of the body against where it
-    goes. droop, sway, waddle, roll: how much a rounded back bends the neck, and how much of a person's sway, of hips
-    that turn, and of feet that roll it has.
+    bones: rest pose. chains: joints of `spine`, `neck`, `tail` and what else there is, from the trunk outwards, which
+    share the curves of that name, follow one after the other and, but for the spine, keep off the floor. gaits: what
+    travels, each with the way that `plan_route` knows. step, rate: metres and beats a second of the neutral walk. duty:
+    share of a cycle in which a leg stands, walking and running. life: puts what is its own on the curves, given
+    (moment, curves). facing: yaw of the body against where it goes. droop: how much a rounded back bends the neck.
+    sway, waddle, roll: how much it has of a person's sway, of hips that turn, and of feet that roll. feet: joints that
+    stand, where they are not just the last of each leg.
     """
 
     name: str
@@ -81,6 +82,7 @@ class Species:
     sway: float = 1.0
     waddle: float = 1.0
     roll: float = 0.6
+    feet: tuple[str, ...] = ()
 
     @property
     def contents(self) -> tuple[str, ...]:
@@ -182,7 +184,7 @@ class Creature:
     @property
     def feet(self) -> tuple[str, ...]:
         """Names of the joints that stand on the ground, in the order of a performance's contacts."""
-        return tuple(leg.foot for leg in self.species.legs)
+        return self.species.feet or tuple(leg.foot for leg in self.species.legs)
 
     @property
     def contents(self) -> tuple[str, ...]:
