@@ -52,7 +52,7 @@ def _legs() -> tuple[Leg, ...]:
     legs = []
     for n in range(4):
         for side, name in enumerate(("left", "right")):
-            late = 0.5 * ((n + side) % 2) + 0.06 * (3 - n)
+            late = 0.5 * ((n + side) % 2) - 0.06 * n
             legs.append(Leg(tuple(f"{name}_leg{n + 1}_{p}" for p in _PARTS), (late, late), fold=0.12))
     return tuple(legs)
 
