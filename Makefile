@@ -11,7 +11,7 @@ IN := $(VENV)/bin/python
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help lab test tour notebooks bench-io fuzz pins clean
+.PHONY: help lab test tour notebooks bench-actor bench-io fuzz pins clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -31,6 +31,9 @@ tour: $(READY) ## run the tour without a browser; its motion (BVH) and page (HTM
 
 notebooks: $(READY) ## execute all notebooks in place (NB=file for one)
 	@$(IN) tools/run_notebooks.py $(NB)
+
+bench-actor: $(READY) ## measure the performer into results/actor.json
+	$(IN) tools/bench_actor.py
 
 bench-io: $(READY) ## measure reading and kinematics into results/io.json
 	$(IN) tools/bench_io.py

@@ -16,7 +16,7 @@ from .style import Style
 
 # Fitted to captured walks: beats in which a foot rolls flat after landing and over its ball before leaving, how late it
 # rolls, how fast it goes on rolling in the air, and the shares of a swing in which it gathers speed and stops.
-_LANDING, _LEAVING, _LATE, _ON, _RISE, _FALL = 0.44, 0.3, 2.44, 4.3, 0.42, 0.35
+_LANDING, _LEAVING, _LATE, _ON, _RISE, _FALL = 0.44, 0.3, 2.28, 4.41, 0.42, 0.35
 
 
 @dataclass(frozen=True)

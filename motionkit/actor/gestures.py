@@ -48,8 +48,8 @@ def _jump(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None
     curves.add("spine.pitch", 0.35 * bend)
     curves.add("head.pitch", -0.45 * bend)
     curves.add("root.ahead", -0.06 * leg * bend)
-    back = hold(at, b, (0.3, 1.35), (1.4, 1.9))
-    forward = hold(at, b, (1.4, 2.2), (2.6, 3.6))
+    back = hold(at, b, (0.3, 1.35), (1.4, 2.2))
+    forward = hold(at, b, (1.4, 2.5), (2.6, 3.7))
     for side in SIDES:
         curves.add(f"{side}.flex", -0.65 * back + (2.1 * reach) * forward)
         curves.blend(f"{side}.elbow", 0.35, forward)

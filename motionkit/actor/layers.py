@@ -16,7 +16,7 @@ from .style import Style
 
 # Fitted to captured walks: the pelvis' surge (leg lengths) and its asymmetry, the trunk's answer (radians), the bob and
 # how far it sinks (leg lengths), how late the elbow is, and the arms' swing at every single step.
-_SURGE, _KICK, _NOD, _BOB, _LOW, _ELBOW, _DOUBLE, _WHEN, _RUN_BOB = 0.032, 0.248, 0.021, 0.017, 0.014, 2.987, 0.09, 0.0, 0.055
+_SURGE, _KICK, _NOD, _BOB, _LOW, _ELBOW, _DOUBLE, _WHEN, _RUN_BOB = 0.032, 0.251, 0.02, 0.016, 0.008, 2.619, 0.066, 0, 0.065
 TRAVEL = 0.8  # how much of the trunk's pitch the hanging arms and the gaze do not follow
 
 
@@ -137,7 +137,7 @@ def gait(at: Moment, curves: Curves) -> None:
     vary = 1 + 0.1 * s.variability * at.noise("amplitude")
     middle = at.wave(at.duty)  # +1 in the middle of the left foot's stance
     stride = (s.step_length * go).clamp(max=1.3)
-    bob = (_BOB + _RUN_BOB * run) * s.bob**0.8 * leg * stride
+    bob = (_BOB * s.bob**0.8 + _RUN_BOB * run * s.bob**0.2) * leg * stride
     curves.add("root.up", bob * at.wave(at.duty, double=True) * (1 - 2 * run) - bob - _LOW * leg * stride)
     turn = 2 * math.pi * (at.beats - at.duty)
     surge = (torch.sin(turn + _KICK * torch.sin(turn)) + 0.03 * torch.sin(4 * turn)) * stride
@@ -190,7 +190,7 @@ def _arm_swing(at: Moment, curves: Curves, go: Tensor, vary: Tensor) -> None:
 
 def ramp(at: Moment, beats: Tensor, start: float, stop: float) -> Tensor:
     """0 to 1 between two beats; the sharper the style, the shorter the way in the middle of that time."""
-    margin = 0.34 * (stop - start) * max(at.style.sharpness - 0.3, 0.0)
+    margin = 0.2 * (stop - start) * max(at.style.sharpness - 0.3, 0.0)
     return smooth((beats - start - margin) / (stop - start - 2 * margin))
 
 

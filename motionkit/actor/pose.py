@@ -147,9 +147,9 @@ def _legs(
     hip = root[:, None] + hips
     upper, lower = 0.245 * at.performer.height, 0.246 * at.performer.height
     out = hip.new_tensor([s * (at.style.knee_out + 0.5 * at.style.toe_out) for s in SIDES.values()])
-    pole = torch.stack((out, torch.full_like(out, 0.45), torch.ones_like(out)), -1)
-    pole = rot.quaternion_rotate(pelvis[:, None], pole.expand(len(pelvis), 2, 3))
-    thigh, shin = bend_leg(hip, ankles, pole, upper, lower)
+    axis = torch.stack((torch.ones_like(out), torch.zeros_like(out), -out), -1)
+    axis = rot.quaternion_rotate(pelvis[:, None], axis.expand(len(pelvis), 2, 3))
+    thigh, shin = bend_leg(hip, ankles, axis, upper, lower)
     inverse = rot.quaternion_inverse
     for n, side in enumerate(SIDES):
         local[:, names[f"{side}_hip"]] = rot.quaternion_multiply(inverse(pelvis), thigh[:, n])
@@ -158,14 +158,14 @@ def _legs(
         local[:, names[f"{side}_foot"]] = rot.exp_map(toe_bend[side][:, None] * hip.new_tensor([1.0, 0.0, 0.0]))
 
 
-def bend_leg(hip: Tensor, ankle: Tensor, pole: Tensor, upper: float, lower: float) -> tuple[Tensor, Tensor]:
+def bend_leg(hip: Tensor, ankle: Tensor, axis: Tensor, upper: float, lower: float) -> tuple[Tensor, Tensor]:
     """World rotations [..., 4] of thigh and shin that bring the ankle to its place; at rest both point down -Y.
 
-    hip, ankle: [..., 3] metres. pole: [..., 3] where the knee points. upper, lower: lengths, metres. Out of reach, the
-    leg is stretched towards the place.
+    hip, ankle: [..., 3] metres. axis: [..., 3], of the knee's hinge, towards the body's left; of it counts what is at
+    right angles to the leg. upper, lower: lengths, metres. Out of reach, the leg is stretched towards the place.
 
-    >>> down = torch.tensor([0.0, -2.0, 0.0]); ahead = torch.tensor([0.0, 0.0, 1.0])
-    >>> thigh, shin = bend_leg(torch.zeros(3), down, ahead, 1.0, 1.0)
+    >>> down, left = torch.tensor([0.0, -2.0, 0.0]), torch.tensor([1.0, 0.0, 0.0])
+    >>> thigh, shin = bend_leg(torch.zeros(3), down, left, 1.0, 1.0)
     >>> thigh.abs().round(decimals=2)
     tensor([1., 0., 0., 0.])
     """
@@ -173,8 +173,8 @@ def bend_leg(hip: Tensor, ankle: Tensor, pole: Tensor, upper: float, lower: floa
     far = torch.linalg.vector_norm(way, dim=-1, keepdim=True)
     reach = far.clamp(abs(upper - lower) + 1e-4, (upper + lower) * (1 - 1e-9))
     along = way / far.clamp(min=1e-9)
-    side = rot.normalize(torch.linalg.cross(along, pole))  # to the right of the leg, if the knee points ahead
-    ahead = torch.linalg.cross(side, along)
+    side = rot.normalize(axis - (axis * along).sum(-1, keepdim=True) * along)
+    ahead = torch.linalg.cross(along, side)
     cosine = ((upper**2 + reach**2 - lower**2) / (2 * upper * reach)).clamp(-1, 1)
     knee = upper * (cosine * along + torch.sqrt(1 - cosine**2) * ahead)
     thigh_down = rot.normalize(knee)
@@ -183,6 +183,6 @@ def bend_leg(hip: Tensor, ankle: Tensor, pole: Tensor, upper: float, lower: floa
 
 
 def _pointing(down: Tensor, side: Tensor) -> Tensor:
-    """The rotation whose -Y is `down` and whose -X is `side`."""
-    x, y = -side, -down
+    """The rotation whose -Y is `down` and whose X is `side`."""
+    x, y = side, -down
     return rot.matrix_to_quaternion(torch.stack((x, y, torch.linalg.cross(x, y)), -1))

@@ -102,3 +102,14 @@ def _check_numbers(name: str, files: Iterable[File]) -> None:
                     f"{file.where}: its name says {kind} {label!r}, which is number {known.get(label, 'of no other')}; "
                     f"it gives number {number!r}{told}; rename the clip or mend its label file"
                 )
+
+
+def _smpl_names() -> dict[str, str]:
+    limbs = {"Shoulder": "collar", "UpperArm": "shoulder", "LowerArm": "elbow", "Hand": "wrist", "UpperLeg": "hip",
+             "LowerLeg": "knee", "Foot": "ankle", "Toes": "foot"}  # fmt: skip
+    trunk = {"Hips": "pelvis", "Spine": "spine1", "Chest": "spine3", "Neck": "neck", "Head": "head"}
+    sides = {"L": "left", "R": "right"}
+    return trunk | {f"{a}_{s}": f"{side}_{b}" for s, side in sides.items() for a, b in limbs.items()}
+
+
+SMPL_NAMES = _smpl_names()  # its joints, and those of SMPL in the same places
