@@ -34,6 +34,7 @@ _KINDS: dict[str, Species] = {kind.name: kind for kind in (DOG, CRAB, OSTRICH, D
 CREATURES = tuple(_KINDS)
 _AROUND = 6.0  # beats planned before and after what is shown
 _FASTER = 1.5  # how much quicker than a walk's the beats of a run or trot are
+_STEADY = 0.5  # of a person's swerves: a long body swings far out in each
 
 
 def creature_named(name: str | Creature, seed: int = 0) -> Creature:
@@ -163,7 +164,8 @@ class _Stride:
 
 
 def _route(walked: Score, style: Style, creature: Creature, axis: Tensor) -> Route:
-    route = plan_route(walked, style, _Stride(creature), axis)
+    steady = style.replace(wander=_STEADY * style.wander)
+    route = plan_route(walked, steady, _Stride(creature), axis)
     facing = creature.species.facing
     if not facing or walked.path is not None:
         return route
