@@ -11,9 +11,14 @@ WINDOW, STRIDE = 64, 16
 
 
 def poses(motion: mk.Motion) -> Tensor:
-    """Facing-free numbers of each frame: the root's movement and where the joints are, [F, 4 + 3 (J - 1)]."""
+    """Facing-free numbers of each frame: the root's movement, where the joints are, and how they move, [F, D].
+
+    D = 4 + 6 (J - 1); single frames are probed without the movement.
+    """
     layout = mk.features.FacingFree(motion.skeleton, motion.fps)
-    return layout.encode(motion)[:, : layout.slices["positions"].stop]
+    encoded = layout.encode(motion)[:, : layout.slices["positions"].stop]
+    moved = torch.nn.functional.pad(encoded[1:] - encoded[:-1], (0, 0, 1, 0))[:, layout.slices["positions"]]
+    return torch.cat((encoded, moved), 1)
 
 
 class Frames:
@@ -60,7 +65,7 @@ def train(model: nn.Module, batch, count: int, epochs: int, size: int = 128) -> 
         schedule.step()
 
 
-def window_accuracy(learn: Frames, test: Frames, label: str, classes: int, epochs: int = 8) -> tuple[float, float]:
+def window_accuracy(learn: Frames, test: Frames, label: str, classes: int, epochs: int = 12) -> tuple[float, float]:
     """Per cent of unseen clips, and of their windows, whose label a network names that learned from other clips."""
     torch.manual_seed(0)
     mean, spread = learn.values.mean(0), learn.values.std(0).clamp(min=1e-4)
@@ -88,7 +93,8 @@ def frame_accuracy(learn: Frames, test: Frames, label: str, pair: tuple[int, int
         clip = torch.repeat_interleave(torch.arange(len(part.starts) - 1), part.starts[1:] - part.starts[:-1])
         names = part.labels[label][clip]
         chosen = (names == pair[0]) | (names == pair[1])
-        sets.append((part.values[chosen][:, 3:], (names[chosen] == pair[1]).long()))  # not the root's movement
+        still = slice(3, (part.values.shape[1] + 4) // 2)  # the root's height, and where the joints are
+        sets.append((part.values[chosen][:, still], (names[chosen] == pair[1]).long()))
     (x, y), (unseen, wanted) = sets
     mean, spread = x.mean(0), x.std(0).clamp(min=1e-4)
     x, unseen = (x - mean) / spread, (unseen - mean) / spread

@@ -16,7 +16,9 @@ from .style import Style
 
 # Fitted to captured walks: beats in which a foot rolls flat after landing and over its ball before leaving, how late it
 # rolls, how fast it goes on rolling in the air, and the shares of a swing in which it gathers speed and stops.
-_LANDING, _LEAVING, _LATE, _ON, _RISE, _FALL = 0.44, 0.3, 2.28, 4.41, 0.42, 0.35
+_LANDING, _LEAVING, _LATE, _ON, _RISE, _FALL = 0.28, 0.291, 2.264, 4.323, 0.419, 0.344
+
+_FLAT = 0.02  # radians of pitch at which a foot still counts as flat: its ankle is within a millimetre or two
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,8 @@ def move_foot(plants: list[Plant], beats: Tensor, style: Style, performer: Perfo
     flying = _flying_ankle(v, eased, yaw, pitch, here, there, performer)
     ankle = torch.where(planted[:, None], stance, flying)
     turn = _turn(torch.where(planted, here["yaw"], yaw), pitch)
-    rolling = planted & (pitch > 1e-4)
-    flat = planted & (pitch.abs() <= 1e-4)
+    rolling = planted & (pitch > _FLAT)
+    flat = planted & (pitch.abs() <= _FLAT)
     stands = torch.stack((flat, flat | rolling), 1)
     toe_bend = pitch.clamp(min=0) * _toes_down(v)
     return FootMotion(ankle, turn, -toe_bend, stands, v, torch.where(planted, torch.zeros_like(v), there["hop"]))

@@ -16,7 +16,8 @@ from .style import Style
 
 # Fitted to captured walks: the pelvis' surge (leg lengths) and its asymmetry, the trunk's answer (radians), the bob and
 # how far it sinks (leg lengths), how late the elbow is, and the arms' swing at every single step.
-_SURGE, _KICK, _NOD, _BOB, _LOW, _ELBOW, _DOUBLE, _WHEN, _RUN_BOB = 0.032, 0.251, 0.02, 0.016, 0.008, 2.619, 0.066, 0, 0.065
+_SURGE, _KICK, _NOD, _BOB, _LOW, _RUN_BOB = 0.0324, 0.2512, 0.0204, 0.0155, 0.0083, 0.064
+_ELBOW, _DOUBLE = 2.7309, 0.0614
 TRAVEL = 0.8  # how much of the trunk's pitch the hanging arms and the gaze do not follow
 
 
@@ -180,7 +181,7 @@ def _arm_swing(at: Moment, curves: Curves, go: Tensor, vary: Tensor) -> None:
         size = (s.arm_swing * (1 + 0.25 * run) + 0.12 * run) * vary * (1 + 0.06 * s.variability * at.noise(side))
         swing = -sign * at.wave(0.5 * lag)
         late = -sign * at.wave(_ELBOW * lag)
-        curves.add(f"{side}.flex", go * size * (swing + 0.12 + _DOUBLE * at.wave(_WHEN, double=True)))
+        curves.add(f"{side}.flex", go * size * (swing + 0.12 + _DOUBLE * at.wave(double=True)))
         curves.add(f"{side}.out", go.abs() * 0.03 * size * at.wave(lag, double=True))
         bend = (1.35 - s.elbow_bend) * run * (s.elbow_bend < 1.35)
         curves.add(f"{side}.elbow", bend + go.abs() * s.elbow_swing * (0.6 + 0.6 * late) * (1 + 0.3 * run))

@@ -102,10 +102,9 @@ def perform(
 
     content: one of `CONTENTS`, or several ("walk, jump, kick" or a list), each done once in that order. style: a name
     or a `Style`; intensity as in `Style.at`. seed: another take of the same. performer: who, a number or a `Performer`
-    (left out, the seed says), or a creature such as "dog", which does what creatures do (`creatures.Creature.contents`).
-    path: places on the ground [N, 2], x and z in metres, that walks follow. Returns a
-    `Performance` of about `seconds`. Raises MotionKitError for unknown names, numbers that are not finite, and times
-    that do not hold what is asked for.
+    (left out, the seed says), or a creature such as "dog", which does what its kind does (`creatures`). path: places on
+    the ground [N, 2], x and z in metres, that walks follow. Returns a `Performance` of about `seconds`. Raises
+    MotionKitError for unknown names, numbers that are not finite, and times that do not hold what is asked for.
 
     >>> p = perform("walk", "old", seed=1, seconds=4)
     >>> p.motion, p.contacts.shape

@@ -14,9 +14,9 @@ from .route import Route
 from .score import Score
 from .style import Style
 
-WALK_DUTY, RUN_DUTY = 0.5, 0.22  # share of a cycle of two beats in which a foot stands
-_AHEAD, _EARLY = 0.013, 0.35  # beats that a foot lands ahead of the body, and when in its swing it is highest
-_RUN_BACK, _RUN_LIFT = 0.186, 0.23  # in a run it lands less far ahead (beats), and is lifted higher (leg lengths)
+WALK_DUTY, RUN_DUTY = 0.4965, 0.233  # share of a cycle of two beats in which a foot stands
+_AHEAD, _EARLY = 0.0122, 0.355  # beats that a foot lands ahead of the body, and when in its swing it is highest
+_RUN_BACK, _RUN_LIFT = 0.1807, 0.215  # in a run it lands less far ahead (beats), and is lifted higher (leg lengths)
 SIDES = {"left": 1, "right": -1}
 
 
