@@ -25,7 +25,8 @@ def beat_seconds(score: Score, style: Style, performer: Performer, beats: Tensor
     """Seconds that a beat takes, at each beat [F]: pace, limp, pauses and chance; a jump's flight obeys gravity."""
     pace = style.tempo * (0.86 / performer.leg) ** 0.5 * (1 + 0.02 * style.variability * score.draw("pace"))
     run = score.weight(beats, ("run",))
-    duration = 1 / (pace * (WALK_RATE + (RUN_RATE - WALK_RATE) * run))
+    hurried = max(style.tempo, 1.0) ** -0.6  # running steps are quick already
+    duration = 1 / (pace * (WALK_RATE + (RUN_RATE * hurried - WALK_RATE) * run))
     limp = 1 - style.asymmetry * torch.cos(math.pi * (beats - 0.5))
     dwell = 1 + style.pauses * torch.cos(2 * math.pi * (beats - 0.08))
     varied = 1 + 0.025 * style.variability * score.noise("rhythm", beats).clamp(-2.5, 2.5)

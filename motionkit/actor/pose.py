@@ -133,7 +133,7 @@ def _at_ease(at: Moment, hip: Tensor, ankles: Tensor, swing: Tensor) -> Tensor:
     far = torch.linalg.vector_norm(way, dim=-1)
     soft = 0.014 * at.performer.leg
     pull = torch.nn.functional.softplus((far - 0.972 * at.performer.leg) / soft) * soft
-    pull = pull - torch.nn.functional.softplus((0.4 * at.performer.leg - far) / soft) * soft
+    pull = pull - torch.nn.functional.softplus((0.46 * at.performer.leg - far) / (3 * soft)) * 3 * soft
     share = (7 * torch.minimum(swing, 1 - swing)).clamp(0, 1) * (swing > 0)
     return ankles - way * (share * pull / far)[..., None]
 

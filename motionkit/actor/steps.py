@@ -104,7 +104,9 @@ class Planner:
         duty, style, leg = WALK_DUTY + (RUN_DUTY - WALK_DUTY) * run, self.style, self.performer.leg
         land = style.heel_strike * going * (1 - run) * (1 - back) - 0.35 * back
         vary = 1 + 0.08 * style.variability * self.score.draw(f"clear {beat}")
-        raised = (style.clearance + 0.012 + (_RUN_LIFT + 0.15 * style.foot_roll) * run) * leg * max(vary, 0.3)
+        quick = max(style.tempo / 1.05, 1.0) ** -2  # who runs with quick steps has no time to lift the feet high
+        lift = (_RUN_LIFT + 0.15 * style.foot_roll) * quick + min(style.clearance, 0.11) - style.clearance
+        raised = (style.clearance + 0.012 + lift * run) * leg * max(vary, 0.3)
         return self._plant(
             side, float(beat), beat + duty + _AHEAD - _RUN_BACK * run, begin=beat - 2 * (1 - duty), pitch_land=-land,
             early=_EARLY, raised=raised * max(going, 0.4),
