@@ -3,7 +3,7 @@
 The names a newcomer needs stand here; everything else is one module away. Plotting and widgets load when first used.
 
 >>> import motionkit as mk
->>> mk.load("data/walk_neutral.bvh")
+>>> mk.load("data/actor/walk_neutral.bvh")
 Motion('walk_neutral', 120 frames at 30 fps, 4.0 s, 22 joints)
 """
 

@@ -39,7 +39,7 @@ def load(path: str | os.PathLike, metres_per_unit: float | None = None, fps: flo
     rate in place of the file's own. Returns a `Motion`. Warns (MotionKitWarning) where `Frames:` disagrees
     with the data. Raises MotionKitError naming file and line.
 
-    >>> m = load("data/walk_neutral.bvh")
+    >>> m = load("data/actor/walk_neutral.bvh")
     >>> m.fps, m.skeleton.names[0]
     (30.0, 'pelvis')
     """

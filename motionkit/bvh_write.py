@@ -34,7 +34,7 @@ def save(motion: Motion, path: str | os.PathLike) -> Path:
     >>> import tempfile
     >>> from motionkit.bvh import load
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     again = load(save(load("data/walk_neutral.bvh"), folder + "/again.bvh"))
+    ...     again = load(save(load("data/actor/walk_neutral.bvh"), folder + "/again.bvh"))
     >>> len(again)
     120
     """
@@ -57,7 +57,7 @@ def format_bvh(motion: Motion) -> str:
     """The text of a BVH file; see `save`.
 
     >>> from motionkit.bvh import load
-    >>> print(format_bvh(load("data/walk_neutral.bvh")[:1])[:9])
+    >>> print(format_bvh(load("data/actor/walk_neutral.bvh")[:1])[:9])
     HIERARCHY
     """
     channels = _writable_channels(motion)

@@ -18,7 +18,7 @@ def feet_of(motion: Motion, feet: Sequence[str] | None = None) -> list[int]:
     """Numbers of the foot joints: by name, or those that the skeleton's names tell (`Skeleton.feet`).
 
     >>> import motionkit as mk
-    >>> walk = mk.load("data/walk_neutral.bvh")
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
     >>> [walk.skeleton.names[j] for j in feet_of(walk)]
     ['left_ankle', 'left_foot', 'right_ankle', 'right_foot']
     """
@@ -35,7 +35,7 @@ def foot_contacts(
     an ankle is judged as an ankle) and moves at most `speed` metres a second. A single frame stands on height alone.
 
     >>> import motionkit as mk
-    >>> foot_contacts(mk.load("data/walk_neutral.bvh")).float().mean(0) > 0.3
+    >>> foot_contacts(mk.load("data/actor/walk_neutral.bvh")).float().mean(0) > 0.3
     tensor([True, True, True, True])
     """
     joints = feet_of(motion, feet)
@@ -60,7 +60,7 @@ def foot_sliding(motion: Motion, contacts: Tensor | None = None, feet: Sequence[
     in which a joint stands.
 
     >>> import motionkit as mk
-    >>> foot_sliding(mk.load("data/walk_neutral.bvh")) < 1.0
+    >>> foot_sliding(mk.load("data/actor/walk_neutral.bvh")) < 1.0
     True
     """
     joints = feet_of(motion, feet)
@@ -92,7 +92,7 @@ def two_bone_ik(motion: Motion, joints: tuple[int, int, int], target: Tensor) ->
     joint keeps its rotation in the world. Analytic, by the law of cosines. Returns the motion, nothing else changed.
 
     >>> import motionkit as mk
-    >>> m = mk.load("data/walk_neutral.bvh")
+    >>> m = mk.load("data/actor/walk_neutral.bvh")
     >>> leg = tuple(m.skeleton.index(n) for n in ("left_hip", "left_knee", "left_ankle"))
     >>> there = m.positions()[:, leg[2]] + torch.tensor([0.0, 0.02, 0.0])
     >>> bool((two_bone_ik(m, leg, there).positions()[:, leg[2]] - there).abs().max() < 1e-3)
@@ -161,7 +161,7 @@ def lock_feet(
     of the upper body keep their rotations. Needs hips, knees and ankles by name.
 
     >>> import motionkit as mk
-    >>> m = mk.load("data/walk_neutral.bvh")
+    >>> m = mk.load("data/actor/walk_neutral.bvh")
     >>> skating = m.replace(translations=m.translations * torch.tensor([1.0, 1.0, 1.1]))
     >>> foot_sliding(lock_feet(skating, foot_contacts(m)), foot_contacts(m)) < 1.0
     True

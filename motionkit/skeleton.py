@@ -238,48 +238,62 @@ class Skeleton:
         return tuple(sorted({j for t in tips for j in (self.parents[t], t) if j in legs}))
 
 
-# SMPL's 22 body joints in their usual order: name, parent, offset in metres of a person 1.75 m tall in T-pose.
+# SMPL's 22 body joints in their usual order: name, parent, offset in shares of the body's height, in T-pose. Lengths
+# are those of Drillis and Contini 1966 (as in Winter 2009, fig. 4.1): ankle 0.039, knee 0.285, hip 0.530, shoulder
+# 0.818 above the ground; upper arm 0.186, forearm 0.146, hand 0.108, foot 0.152 long. The spine's joints, which they
+# do not have, divide hip to neck evenly. Right limbs mirror the left ones.
 _SMPL = (
-    ("pelvis", -1, (0.0, 0.96, 0.0)),
-    ("left_hip", 0, (0.09, -0.06, 0.0)),
-    ("right_hip", 0, (-0.09, -0.06, 0.0)),
-    ("spine1", 0, (0.0, 0.11, -0.01)),
-    ("left_knee", 1, (0.0, -0.4, 0.0)),
-    ("right_knee", 2, (0.0, -0.4, 0.0)),
-    ("spine2", 3, (0.0, 0.13, 0.01)),
-    ("left_ankle", 4, (0.0, -0.42, 0.0)),
-    ("right_ankle", 5, (0.0, -0.42, 0.0)),
-    ("spine3", 6, (0.0, 0.08, 0.0)),
-    ("left_foot", 7, (0.0, -0.06, 0.13)),
-    ("right_foot", 8, (0.0, -0.06, 0.13)),
-    ("neck", 9, (0.0, 0.21, -0.02)),
-    ("left_collar", 9, (0.07, 0.13, -0.01)),
-    ("right_collar", 9, (-0.07, 0.13, -0.01)),
-    ("head", 12, (0.0, 0.1, 0.03)),
-    ("left_shoulder", 13, (0.11, 0.02, -0.01)),
-    ("right_shoulder", 14, (-0.11, 0.02, -0.01)),
-    ("left_elbow", 16, (0.27, 0.0, 0.0)),
-    ("right_elbow", 17, (-0.27, 0.0, 0.0)),
-    ("left_wrist", 18, (0.25, 0.0, 0.0)),
-    ("right_wrist", 19, (-0.25, 0.0, 0.0)),
+    ("pelvis", -1, (0.0, 0.558, 0.0)),
+    ("left_hip", 0, (0.052, -0.028, 0.0)),
+    ("right_hip", 0, None),
+    ("spine1", 0, (0.0, 0.066, -0.006)),
+    ("left_knee", 1, (0.0, -0.245, 0.0)),
+    ("right_knee", 2, None),
+    ("spine2", 3, (0.0, 0.074, 0.004)),
+    ("left_ankle", 4, (0.0, -0.246, 0.0)),
+    ("right_ankle", 5, None),
+    ("spine3", 6, (0.0, 0.05, 0.002)),
+    ("left_foot", 7, (0.0, -0.027, 0.068)),
+    ("right_foot", 8, None),
+    ("neck", 9, (0.0, 0.1, -0.008)),
+    ("left_collar", 9, (0.036, 0.062, 0.0)),
+    ("right_collar", 9, None),
+    ("head", 12, (0.0, 0.062, 0.012)),
+    ("left_shoulder", 13, (0.082, 0.008, -0.006)),
+    ("right_shoulder", 14, None),
+    ("left_elbow", 16, (0.186, 0.0, 0.0)),
+    ("right_elbow", 17, None),
+    ("left_wrist", 18, (0.146, 0.0, 0.0)),
+    ("right_wrist", 19, None),
 )
-_SMPL_ENDS = (
-    ("left_foot", (0.0, 0.0, 0.07)),
-    ("right_foot", (0.0, 0.0, 0.07)),
-    ("head", (0.0, 0.17, 0.02)),
-    ("left_wrist", (0.16, 0.0, 0.0)),
-    ("right_wrist", (-0.16, 0.0, 0.0)),
-)
+_SMPL_ENDS = {
+    "left_foot": (0.0, 0.0, 0.046),
+    "right_foot": None,
+    "head": (0.0, 0.09, 0.01),
+    "left_wrist": (0.108, 0.0, 0.0),
+    "right_wrist": None,
+}
+_WIDER = ("hip", "collar", "shoulder")  # the joints that stand further out in a broader body
 
 
-def smpl() -> Skeleton:
-    """A person 1.75 m tall with SMPL's 22 body joints, names and order, in T-pose facing +Z.
+def smpl(height: float = 1.75, broad: float = 0.0, dtype: torch.dtype = torch.float32) -> Skeleton:
+    """A person with SMPL's 22 body joints, names and order, in T-pose facing +Z.
 
-    The order is that of HumanML3D's data; the proportions are the kit's own, since SMPL's are not free to copy.
+    height: metres. broad: how much wider than usual hips and shoulders are, as a share. The order is that of
+    HumanML3D's data; the proportions are published averages (see the table), since SMPL's are not free to copy.
 
     >>> smpl()
     Skeleton(22 joints, root 'pelvis', height 1.74 m)
     """
     names = tuple(name for name, _, _ in _SMPL)
-    ends = tuple((names.index(name), offset) for name, offset in _SMPL_ENDS)
-    return Skeleton(names, tuple(p for _, p, _ in _SMPL), torch.tensor([o for _, _, o in _SMPL]), end_sites=ends)
+    shares = {name: share for name, _, share in _SMPL if share}
+    offsets = [_placed(name, shares, height, broad) for name in names]
+    ends = tuple((names.index(name), tuple(_placed(name, _SMPL_ENDS, height))) for name in _SMPL_ENDS)
+    return Skeleton(names, tuple(p for _, p, _ in _SMPL), torch.tensor(offsets, dtype=dtype), end_sites=ends)
+
+
+def _placed(name: str, shares: dict, height: float, broad: float = 0.0) -> list[float]:
+    """A joint's offset in metres; a right one's mirrors the left one's."""
+    x, y, z = shares[name.replace("right_", "left_")]
+    wide = (1 + broad) if name.endswith(_WIDER) else 1.0
+    return [height * share for share in (-x * wide if name.startswith("right") else x * wide, y, z)]

@@ -245,7 +245,7 @@ def test_files_keep_a_performance(tmp_path):
         (dict(content="walk", path=[[0, 0], [0, math.nan]]), "path"),
         (dict(content="walk", path=[[1, 1], [1, 1]]), "same one"),
         (dict(content="walk", path="round the block"), "path"),
-        (dict(content="walk", performer="dgo"), "no creature 'dgo'; did you mean 'dog'"),
+        (dict(content="walk", performer="crap"), "no creature 'crap'; did you mean 'crab'"),
         (dict(content=()), "no content"),
     ],
 )

@@ -11,7 +11,7 @@ import motionkit as mk
 from motionkit.viewer import save_html
 
 ROOT = Path(__file__).resolve().parent.parent
-CLIPS = [ROOT / "data" / f"walk_{style}.bvh" for style in ("neutral", "old", "proud", "childlike")]
+CLIPS = [ROOT / "data" / "actor" / f"walk_{style}.bvh" for style in ("neutral", "old", "proud", "childlike")]
 CANVAS = ".mk-view canvas"
 # Chromium's and other packages' own complaints, none of them about the player.
 OTHERS = ("widget model not found", "Failed to initialize model", "GPU stall", "favicon")

@@ -135,7 +135,7 @@ def mutate(random: random.Random, data: bytes) -> bytes:
 
 
 def seeds() -> list[bytes]:
-    walk = Path(__file__).resolve().parent.parent / "data" / "walk_neutral.bvh"
+    walk = Path(__file__).resolve().parent.parent / "data" / "actor" / "walk_neutral.bvh"
     texts = [CHAIN.encode(), CHAIN.replace("\n", "\r\n").encode(), CHAIN.replace("\n", "\r").encode()]
     return texts + ([b"\n".join(walk.read_bytes().split(b"\n")[:250])] if walk.exists() else [])
 

@@ -11,20 +11,20 @@ from motionkit.__main__ import main
 
 
 def test_info_names_joints_and_size(capsys):
-    assert main(["info", "data/walk_neutral.bvh"]) == 0
+    assert main(["info", "data/actor/walk_neutral.bvh"]) == 0
     out = capsys.readouterr().out
     assert "120 frames at 30 fps" in out and "left_knee" in out and "1.74 m tall" in out
 
 
 def test_stylize_writes_a_file_that_loads(tmp_path, capsys):
     out = tmp_path / "old.bvh"
-    assert main(["stylize", "data/walk_neutral.bvh", "--style", "data/walk_old.bvh", "-o", str(out)]) == 0
+    assert main(["stylize", "data/actor/walk_neutral.bvh", "--style", "data/actor/walk_old.bvh", "-o", str(out)]) == 0
     assert len(mk.load(out)) == 120 and str(out) in capsys.readouterr().out
 
 
 def test_play_writes_a_page_without_network(tmp_path, capsys):
     page = tmp_path / "walk.html"
-    assert main(["play", "data/walk_neutral.bvh", "data/walk_old.bvh", "-o", str(page), "--no-open"]) == 0
+    assert main(["play", "data/actor/walk_neutral.bvh", "data/actor/walk_old.bvh", "-o", str(page), "--no-open"]) == 0
     text = page.read_text()
     assert "<html" in text.lower() and 'src="http' not in text and 'import("http' not in text
 
@@ -33,13 +33,29 @@ def test_play_writes_a_page_without_network(tmp_path, capsys):
     "arguments, part",
     [
         (["info", "nowhere.bvh"], "no such file"),
-        (["stylize", "data/walk_neutral.bvh", "--style", "README.md", "-o", "x.bvh"], "README.md"),
+        (["stylize", "data/actor/walk_neutral.bvh", "--style", "README.md", "-o", "x.bvh"], "README.md"),
         (
-            ["stylize", "data/walk_neutral.bvh", "--style", "data/walk_old.bvh", "-o", "no/such/folder/x.bvh"],
+            [
+                "stylize",
+                "data/actor/walk_neutral.bvh",
+                "--style",
+                "data/actor/walk_old.bvh",
+                "-o",
+                "no/such/folder/x.bvh",
+            ],
             "there is no folder",
         ),
         (
-            ["stylize", "data/walk_neutral.bvh", "--style", "data/walk_old.bvh", "-o", "x.bvh", "--method", "magic"],
+            [
+                "stylize",
+                "data/actor/walk_neutral.bvh",
+                "--style",
+                "data/actor/walk_old.bvh",
+                "-o",
+                "x.bvh",
+                "--method",
+                "magic",
+            ],
             "no method",
         ),
     ],
@@ -52,12 +68,12 @@ def test_errors_are_one_line_and_exit_code_2(arguments, part, capsys):
 
 def test_nothing_that_is_read_gets_overwritten(tmp_path, capsys):
     clip = tmp_path / "clip.bvh"
-    clip.write_bytes(Path("data/walk_neutral.bvh").read_bytes())
+    clip.write_bytes(Path("data/actor/walk_neutral.bvh").read_bytes())
     before = clip.read_bytes()
     for arguments, part in (
-        (["stylize", str(clip), "--style", "data/walk_old.bvh", "-o", str(clip)], "would be lost"),
-        (["stylize", "data/walk_old.bvh", "--style", str(clip), "-o", str(clip)], "would be lost"),
-        (["stylize", str(clip), "--style", "data/walk_old.bvh", "-o", str(tmp_path / "x.fbx")], "a .bvh file"),
+        (["stylize", str(clip), "--style", "data/actor/walk_old.bvh", "-o", str(clip)], "would be lost"),
+        (["stylize", "data/actor/walk_old.bvh", "--style", str(clip), "-o", str(clip)], "would be lost"),
+        (["stylize", str(clip), "--style", "data/actor/walk_old.bvh", "-o", str(tmp_path / "x.fbx")], "a .bvh file"),
         (["play", str(clip), "--no-open", "-o", str(clip)], "would be lost"),
         (["play", str(clip), "--no-open", "-o", str(tmp_path)], "this is a folder"),
     ):
@@ -69,12 +85,21 @@ def test_nothing_that_is_read_gets_overwritten(tmp_path, capsys):
 
 
 def test_strength_and_warnings_on_the_command_line(tmp_path, capsys):
-    text = Path("data/walk_neutral.bvh").read_text().replace("Frames: 120", "Frames: 130")
+    text = Path("data/actor/walk_neutral.bvh").read_text().replace("Frames: 120", "Frames: 130")
     (tmp_path / "off.bvh").write_text(text)
     out = tmp_path / "out.bvh"
     assert (
         main(
-            ["stylize", str(tmp_path / "off.bvh"), "--style", "data/walk_old.bvh", "--strength", "0.5", "-o", str(out)]
+            [
+                "stylize",
+                str(tmp_path / "off.bvh"),
+                "--style",
+                "data/actor/walk_old.bvh",
+                "--strength",
+                "0.5",
+                "-o",
+                str(out),
+            ]
         )
         == 0
     )

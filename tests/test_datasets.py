@@ -190,7 +190,7 @@ def test_missing_data_say_how_to_get_them(tmp_path):
     (tmp_path / "broken.zip").write_bytes(b"PK\x03\x04 broken")
     with pytest.raises(mk.MotionKitError, match=f"broken.zip: neither a folder nor a whole zip archive .*{how}"):
         mk.datasets.load("bandai-2", tmp_path / "broken.zip")
-    with pytest.raises(mk.MotionKitError, match="no dataset 'bandai'; there are '100style', 'bandai-1'"):
+    with pytest.raises(mk.MotionKitError, match="no dataset 'bandai'; there are '100style', 'actor'"):
         mk.datasets.load("bandai", tmp_path)
 
 

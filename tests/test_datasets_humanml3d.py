@@ -26,7 +26,7 @@ def root(tmp_path) -> Path:
 
 @pytest.fixture(scope="module")
 def features() -> np.ndarray:
-    x = mk.features.HumanML3D().encode(mk.load("data/walk_neutral.bvh").resample(20))
+    x = mk.features.HumanML3D().encode(mk.load("data/actor/walk_neutral.bvh").resample(20))
     return x[:-1].numpy()
 
 

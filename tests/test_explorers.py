@@ -13,7 +13,7 @@ from motionkit.viewer import explorers, gimbal, lessons
 
 @pytest.fixture(scope="module")
 def walk():
-    return mk.load("data/walk_neutral.bvh")
+    return mk.load("data/actor/walk_neutral.bvh")
 
 
 def ink(png: bytes) -> int:
@@ -112,9 +112,9 @@ def test_mistakes_are_told():
     with pytest.raises(mk.MotionKitError, match="Euler order 'XXY'"):
         explorers.rotation_explorer("XXY")
     with pytest.raises(mk.MotionKitError, match="no joint 'elbow'"):
-        explorers.fk_explorer(mk.load("data/walk_neutral.bvh"), "elbow")
+        explorers.fk_explorer(mk.load("data/actor/walk_neutral.bvh"), "elbow")
     with pytest.raises(mk.MotionKitError, match="no motion|no frame"):
-        explorers.fk_explorer(mk.load("data/walk_neutral.bvh")[:0])
+        explorers.fk_explorer(mk.load("data/actor/walk_neutral.bvh")[:0])
 
 
 def texts(picture) -> list[str]:

@@ -16,7 +16,7 @@ ALL = [*INVARIANT, SixD]
 
 @pytest.fixture(scope="module")
 def walk():
-    return mk.load("data/walk_turning.bvh")
+    return mk.load("data/actor/walk_turn_left_neutral.bvh")
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_facing_free_numbers_mean_what_the_table_says(walk):
     assert torch.allclose(x[:-1, 0], rot.wrap(yaw[1:] - yaw[:-1]), atol=1e-6)
     step = root[1:] - root[:-1]
     forward = step[:, 0] * torch.sin(yaw[:-1]) + step[:, 2] * torch.cos(yaw[:-1])
-    assert torch.allclose(x[:-1, 2], forward, atol=1e-6) and (x[:, 2] > 0.02).all()
+    assert torch.allclose(x[:-1, 2], forward, atol=1e-6) and (x[:, 2] > 0.01).all()
     head = walk.skeleton.index("head")
     number = next(n for n in range(199) if layout.joint_of(n) == head and "positions y" in layout.describe(n))
     assert torch.allclose(x[:, number], walk.positions()[:, head, 1] - root[:, 1], atol=1e-6)
@@ -193,7 +193,7 @@ def test_style_erd_numbers(walk):
     x = layout.encode(walk)
     assert x.shape[1] == 220
     q = x[:, layout.slices["rotations"]].unflatten(1, (-1, 4))
-    assert torch.allclose(q.norm(dim=-1), torch.ones(120, 22), atol=1e-5)
+    assert torch.allclose(q.norm(dim=-1), torch.ones(len(walk), 22), atol=1e-5)
     places = walk.at_origin().positions()
     assert torch.allclose(
         integrate(x[:, layout.slices["velocities"]].unflatten(1, (-1, 3))[:, 0]), places[:, 0] - places[0, 0], atol=1e-4

@@ -23,7 +23,7 @@ render({ model, el: document.getElementById("here") });
 
 @pytest.fixture(scope="module")
 def walk():
-    return mk.load("data/walk_turning.bvh")
+    return mk.load("data/actor/walk_turn_left_neutral.bvh")
 
 
 def test_a_frame_changes_the_facing_picture(walk):
@@ -128,7 +128,9 @@ def test_sliders_and_hovering_redraw_in_a_browser(walk, tmp_path):
 @pytest.mark.browser
 @pytest.mark.skipif(bool(lab.missing()), reason=lab.missing())
 def test_in_jupyterlab_the_live_views_take_the_place_of_their_stills(tmp_path):
-    start = f"import motionkit as mk\nwalk = mk.load({str(lab.ROOT / 'data' / 'walk_turning.bvh')!r})\n"
+    start = (
+        f"import motionkit as mk\nwalk = mk.load({str(lab.ROOT / 'data' / 'actor' / 'walk_turn_left_neutral.bvh')!r})\n"
+    )
     lab.write_notebook(
         tmp_path / "t.ipynb", start + "mk.viewer.facing_view(walk)", "mk.viewer.feature_inspector(walk, number=14)"
     )

@@ -41,12 +41,12 @@ def clip(points, parents, names=None, sides=None, fps=30.0, name="clip") -> Clip
 
 @pytest.fixture(scope="module")
 def walk():
-    return mk.load(ROOT / "data" / "walk_neutral.bvh")
+    return mk.load(ROOT / "data" / "actor" / "walk_neutral.bvh")
 
 
 @pytest.fixture(scope="module")
 def proud():
-    return mk.load(ROOT / "data" / "walk_proud.bvh")
+    return mk.load(ROOT / "data" / "actor" / "walk_proud.bvh")
 
 
 def dog() -> Clip:

@@ -75,7 +75,7 @@ def kinematics() -> dict:
     from pymotion.ops.skeleton_torch import fk
 
     torch.set_num_threads(2)
-    skeleton = mk.load(ROOT / "data" / "walk_neutral.bvh").skeleton
+    skeleton = mk.load(ROOT / "data" / "actor" / "walk_neutral.bvh").skeleton
     joints = len(skeleton)
     chance = torch.Generator().manual_seed(0)
     turns = torch.nn.functional.normalize(torch.randn(FRAMES, joints, 4, generator=chance), dim=-1)

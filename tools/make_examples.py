@@ -11,13 +11,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import motionkit as mk
-from motionkit.actor import SEEN, UNSEEN, Performance, creatures, perform, retell
-from motionkit.actor.captions import captions
+from motionkit.actor import SEEN, UNSEEN, Performance, Performer, creatures, perform, retell
 
 FOLDER = Path(__file__).resolve().parent.parent / "data" / "actor"
 # content, style, seconds: quick styles hold a whole gesture in three seconds, slow ones need more
 PEOPLE = (
-    ("walk_turn_left", "neutral", 4),
+    ("walk_turn_left", "neutral", 5),
     ("walk_turn_left", "childlike", 4),
     ("walk_turn_right", "strutting", 4),
     ("walk_back", "sneaky", 4),
@@ -46,7 +45,7 @@ CREATURES = (
 
 def clips() -> Iterator[tuple[Performance, tuple[str, ...], str, str]]:
     """Performances with sentences, who performs, and the take: one walk told in all styles, then all else."""
-    walk = perform("walk", "neutral", seed=1, performer=1, seconds=3)
+    walk = perform("walk", "neutral", seed=1, performer=Performer(seed=1), seconds=4)  # of usual height and build
     for style in SEEN + UNSEEN:
         told = retell(walk, style)
         yield told, told.captions, "person 01", "walk"
@@ -55,8 +54,7 @@ def clips() -> Iterator[tuple[Performance, tuple[str, ...], str, str]]:
         yield made, made.captions, f"person {number:02d}", made.motion.name
     for kind, content, style, seconds in CREATURES:
         made = creatures.perform(content, style, seed=1, creature=kind, seconds=seconds)
-        sentences = captions(content, style, seed=1, subject=f"a {kind}", acts=made.score.acts)
-        yield made, sentences, f"{kind} 01", made.motion.name
+        yield made, made.captions, f"{kind} 01", made.motion.name
 
 
 def main() -> int:

@@ -16,7 +16,7 @@ PICTURES = ROOT / "notebooks" / "pictures"
 
 def clip(name: str) -> mk.Motion:
     """One of the example clips."""
-    return mk.load(ROOT / "data" / f"walk_{name}.bvh")
+    return mk.load(ROOT / "data" / "actor" / f"walk_{name}.bvh")
 
 
 def restyled(style: str) -> Path:

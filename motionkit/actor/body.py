@@ -12,17 +12,6 @@ from ..errors import MotionKitError
 from ..skeleton import Skeleton, smpl
 from .style import Style, parameters
 
-# Shares of the body's height (Drillis and Contini 1966, as in Winter 2009, fig. 4.1): ankle 0.039, knee 0.285, hip
-# 0.530, shoulder 0.818 above the ground; upper arm 0.186, forearm 0.146, hand 0.108, foot 0.152 long. The spine's
-# joints, which they do not have, divide hip to neck evenly.
-_OFFSETS = {
-    "pelvis": (0.0, 0.558, 0.0), "left_hip": (0.052, -0.028, 0.0), "left_knee": (0.0, -0.245, 0.0),
-    "left_ankle": (0.0, -0.246, 0.0), "left_foot": (0.0, -0.027, 0.068), "spine1": (0.0, 0.066, -0.006),
-    "spine2": (0.0, 0.074, 0.004), "spine3": (0.0, 0.05, 0.002), "neck": (0.0, 0.1, -0.008),
-    "left_collar": (0.036, 0.062, 0.0), "head": (0.0, 0.062, 0.012), "left_shoulder": (0.082, 0.008, -0.006),
-    "left_elbow": (0.186, 0.0, 0.0), "left_wrist": (0.146, 0.0, 0.0),
-}  # fmt: skip
-_ENDS = {"left_foot": (0.0, 0.0, 0.046), "head": (0.0, 0.09, 0.01), "left_wrist": (0.108, 0.0, 0.0)}
 HEEL = 0.038  # from the ankle back to the heel, shares of the height
 
 # What differs from person to person, as one standard deviation, and whether it scales the number or adds to it.
@@ -96,16 +85,4 @@ def performer_of(given: Performer | int | None, seed: int) -> Performer:
 
 @lru_cache(maxsize=256)
 def _skeleton(height: float, build: float) -> Skeleton:
-    shape = smpl()
-    wide, ends = 1 + 0.1 * build, []
-    offsets = torch.zeros(len(shape), 3, dtype=torch.float64)
-    for joint, name in enumerate(shape.names):
-        x, y, z = _OFFSETS[name.replace("right_", "left_")]
-        if name.endswith(("hip", "collar", "shoulder")):
-            x *= wide
-        offsets[joint] = torch.tensor((-x if name.startswith("right") else x, y, z)) * height
-    for joint, _ in shape.end_sites:
-        name = shape.names[joint]
-        x, y, z = _ENDS[name.replace("right_", "left_")]
-        ends.append((joint, (height * (-x if name.startswith("right") else x), height * y, height * z)))
-    return Skeleton(shape.names, shape.parents, offsets, end_sites=tuple(ends))
+    return smpl(height, 0.1 * build, torch.float64)

@@ -117,7 +117,7 @@ def of_items(name: str, items: Sequence[Item]) -> Dataset:
 
     Each item has a name, labels, and a source that makes its motion. Raises MotionKitError if two have one name.
 
-    >>> source = BvhSource.at("data/walk_neutral.bvh")
+    >>> source = BvhSource.at("data/actor/walk_neutral.bvh")
     >>> of_items("mine", [Item("walk_1", Labels("walk", "neutral", ("a person walks",)), source)])
     Dataset('mine', 1 clips, 1 contents, 1 styles)
     """

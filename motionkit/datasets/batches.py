@@ -100,7 +100,7 @@ class BalancedSampler(Sampler[int]):
     `source` has. seed: says all orders; each pass has another one.
 
     >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
-    >>> walks = {style: BvhSource.at(f"data/walk_{style}.bvh") for style in ("neutral", "old")}
+    >>> walks = {style: BvhSource.at(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old")}
     >>> ds = of_items("walks", [Item(s, Labels("walk", s, ()), walk) for s, walk in walks.items()])
     >>> sorted(ds[n].style for n in BalancedSampler(ds))
     ['neutral', 'old']
@@ -157,7 +157,7 @@ def batches(
     first is read.
 
     >>> import motionkit as mk
-    >>> source = mk.datasets.BvhSource.at("data/walk_neutral.bvh")
+    >>> source = mk.datasets.BvhSource.at("data/actor/walk_neutral.bvh")
     >>> item = mk.datasets.Item("walk_1", mk.datasets.Labels("walk", "neutral", ()), source)
     >>> windows = mk.datasets.of_items("mine", [item]).windows(64, stride=8)
     >>> [tuple(batch.rotations.shape) for batch in batches(windows, 6)]

@@ -94,7 +94,7 @@ def build_cache(
 
     >>> import tempfile
     >>> from motionkit.datasets import BvhSource, Labels
-    >>> walk = Item("walk_1", Labels("walk", "neutral", ()), BvhSource.at("data/walk_neutral.bvh"))
+    >>> walk = Item("walk_1", Labels("walk", "neutral", ()), BvhSource.at("data/actor/walk_neutral.bvh"))
     >>> with tempfile.TemporaryDirectory() as out:
     ...     corpus = build_cache([walk], out)
     ...     len(corpus.windows(64, stride=8))

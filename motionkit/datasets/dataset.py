@@ -114,12 +114,12 @@ class Dataset:
     """Clips in the order of their names; `ds[0]` is a `Clip`, `ds[:10]` and `ds.filter(style="old")` datasets.
 
     >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
-    >>> walks = {style: BvhSource.at(f"data/walk_{style}.bvh") for style in ("neutral", "old")}
+    >>> walks = {style: BvhSource.at(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old")}
     >>> ds = of_items("walks", [Item(s, Labels("walk", s, ()), walk) for s, walk in walks.items()])
     >>> ds, ds[0]
     (Dataset('walks', 2 clips, 1 contents, 2 styles), Clip('neutral', 120 frames, content 'walk', style 'neutral'))
     >>> ds.filter(style="old")[0].motion
-    Motion('old', 120 frames at 30 fps, 4.0 s, 22 joints)
+    Motion('old', 161 frames at 30 fps, 5.4 s, 22 joints)
     """
 
     name: str

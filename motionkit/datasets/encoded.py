@@ -18,7 +18,7 @@ class Encoded:
     that later epochs only read, and memory stays small. Another process makes its own.
 
     >>> import motionkit as mk
-    >>> source = mk.datasets.BvhSource.at("data/walk_neutral.bvh")
+    >>> source = mk.datasets.BvhSource.at("data/actor/walk_neutral.bvh")
     >>> item = mk.datasets.Item("walk_1", mk.datasets.Labels("walk", "neutral", ()), source)
     >>> Encoded(mk.datasets.of_items("mine", [item]), mk.features.SixD()).rows(0, 20, 30).shape
     (10, 135)

@@ -35,9 +35,9 @@ class File:
     path: the file on disk, or the zip in which it is the `member`. size: bytes. changed: a number that changes with the
     content (time of the last change, or a member's CRC).
 
-    >>> file = File("data/walk_old.bvh", "b2.zip", "data/walk_old.bvh", 1000, 1)
+    >>> file = File("data/actor/walk_old.bvh", "b2.zip", "data/actor/walk_old.bvh", 1000, 1)
     >>> file.name, file.stem, file.where
-    ('walk_old.bvh', 'walk_old', 'b2.zip/data/walk_old.bvh')
+    ('walk_old.bvh', 'walk_old', 'b2.zip/data/actor/walk_old.bvh')
     """
 
     place: str

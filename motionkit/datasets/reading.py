@@ -107,7 +107,7 @@ def rows_of(name: str, recording: Recording) -> Read:
     Raises MotionKitError if a track has not one row for each frame.
 
     >>> import motionkit as mk
-    >>> read = rows_of("walk", Recording(mk.load("data/walk_neutral.bvh")))
+    >>> read = rows_of("walk", Recording(mk.load("data/actor/walk_neutral.bvh")))
     >>> read.rows.shape, json.loads(read.tree)["tracks"]
     ((120, 158), [['contacts', 4]])
     """

@@ -85,7 +85,7 @@ class BvhSource:
     def at(cls, path: str | os.PathLike, start: int = 0, stop: int | None = None) -> BvhSource:
         """The source of a file on disk; MotionKitError if there is none.
 
-        >>> BvhSource.at("data/walk_old.bvh", 10, 20).read().motion
+        >>> BvhSource.at("data/actor/walk_old.bvh", 10, 20).read().motion
         Motion('walk_old', 10 frames at 30 fps, 0.3 s, 22 joints)
         """
         try:

@@ -99,11 +99,11 @@ class Windows(Sequence):
     cannot be split: neighbours share frames, so split the dataset first.
 
     >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
-    >>> walks = {style: BvhSource.at(f"data/walk_{style}.bvh") for style in ("neutral", "old")}
+    >>> walks = {style: BvhSource.at(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old")}
     >>> ds = of_items("walks", [Item(s, Labels("walk", s, ()), walk) for s, walk in walks.items()])
     >>> windows = ds.windows(50, stride=25, short="pad")
     >>> len(windows), windows[3]
-    (8, Window('neutral[75:125]', 50 frames, 45 of them its own))
+    (10, Window('neutral[75:125]', 50 frames, 45 of them its own))
     """
 
     dataset: Dataset

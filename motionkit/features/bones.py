@@ -44,7 +44,7 @@ def bone_directions(motion: Motion, names: list[str]) -> Tensor:
     The torso runs from the pelvis to between the shoulders, the head from the neck to the last joint above it.
 
     >>> import motionkit as mk
-    >>> walk = mk.load("data/walk_neutral.bvh")
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
     >>> bool(bone_directions(walk, ["torso"])[..., 1].min() > 0.9)  # upright
     True
     """
@@ -71,7 +71,7 @@ def turn_bones(motion: Motion, names: list[str], wanted: Tensor) -> Motion:
     Each bone keeps its twist. Joints that belong to no named bone turn with the one they hang on.
 
     >>> import motionkit as mk
-    >>> walk = mk.load("data/walk_neutral.bvh")
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
     >>> same = turn_bones(walk, ["left_forearm"], bone_directions(walk, ["left_forearm"]))
     >>> bool((same.positions() - walk.positions()).abs().max() < 1e-5)
     True

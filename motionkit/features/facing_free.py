@@ -20,7 +20,7 @@ class FacingFree(Layout):
     root joint is the skeleton's pelvis, and it comes first. Speeds are per frame, from this frame to the next.
 
     >>> import motionkit as mk
-    >>> walk = mk.load("data/walk_neutral.bvh")
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
     >>> layout = FacingFree()
     >>> x = layout.encode(walk)
     >>> x.shape

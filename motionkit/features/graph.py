@@ -21,7 +21,7 @@ class Graph(Layout):
     yaw, x and z, and `decode(x, trajectory)` puts it back; without one the character stays in place.
 
     >>> import motionkit as mk
-    >>> walk = mk.load("data/walk_neutral.bvh")
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
     >>> layout = Graph()
     >>> x = layout.encode(walk)
     >>> x.shape, layout.decode(x, layout.trajectory(walk)).positions().allclose(walk.positions(), atol=1e-3)

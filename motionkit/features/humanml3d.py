@@ -40,7 +40,7 @@ class HumanML3D(Layout):
     speed and keeps all frames. The published data run at 20 frames a second.
 
     >>> import motionkit as mk
-    >>> walk = mk.load("data/walk_neutral.bvh").resample(20)
+    >>> walk = mk.load("data/actor/walk_neutral.bvh").resample(20)
     >>> layout = HumanML3D()
     >>> x = layout.encode(walk)
     >>> x.shape, layout.positions(x).shape

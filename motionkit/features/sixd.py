@@ -18,7 +18,7 @@ class SixD(Layout):
     joint is the skeleton's pelvis; helper joints above it are taken to stand at the origin.
 
     >>> import motionkit as mk
-    >>> walk = mk.load("data/walk_neutral.bvh")
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
     >>> layout = SixD()
     >>> x = layout.encode(walk)
     >>> x.shape, layout.positions(x).allclose(walk.positions(), atol=1e-3)

@@ -21,7 +21,7 @@ class StyleERD(Layout):
 
     >>> import motionkit as mk
     >>> layout = StyleERD()
-    >>> layout.encode(mk.load("data/walk_neutral.bvh")).shape
+    >>> layout.encode(mk.load("data/actor/walk_neutral.bvh")).shape
     torch.Size([120, 220])
     """
 

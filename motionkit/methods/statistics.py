@@ -36,7 +36,7 @@ def velocity_factor(motion: Motion) -> float:
     """How lively a clip is (paper 1, eq. 13): the fastest joint's speed relative to the root, averaged over time, m/s.
 
     >>> import motionkit as mk
-    >>> velocity_factor(mk.load("data/walk_old.bvh")) < velocity_factor(mk.load("data/walk_neutral.bvh"))
+    >>> velocity_factor(mk.load("data/actor/walk_old.bvh")) < velocity_factor(mk.load("data/actor/walk_neutral.bvh"))
     True
     """
     layout = FacingFree()
@@ -66,7 +66,7 @@ class Statistics:
     well; timing, and whatever the style does in another order than the content, it cannot.
 
     >>> import motionkit as mk
-    >>> walk, style = mk.load("data/walk_neutral.bvh"), mk.load("data/walk_old.bvh")
+    >>> walk, style = mk.load("data/actor/walk_neutral.bvh"), mk.load("data/actor/walk_old.bvh")
     >>> old = mk.methods.load("statistics").stylize(walk, style=style)
     >>> len(old), old.name
     (120, 'walk_neutral as walk_old')

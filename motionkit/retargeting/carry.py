@@ -37,7 +37,7 @@ def retarget(
 
     >>> import motionkit as mk
     >>> from motionkit.skeleton import smpl
-    >>> walk = mk.load("data/walk_neutral.bvh")
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
     >>> mk.retarget(walk, smpl()).skeleton
     Skeleton(22 joints, root 'pelvis', height 1.74 m)
     """

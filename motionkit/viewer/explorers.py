@@ -139,7 +139,7 @@ def turn_joint(motion: object, joint: str, axis: str, degrees: float) -> object:
     """The motion with one joint turned further, about an axis X, Y or Z of its own frame, in every frame.
 
     >>> import motionkit as mk
-    >>> m = mk.load("data/walk_neutral.bvh")
+    >>> m = mk.load("data/actor/walk_neutral.bvh")
     >>> moved = (turn_joint(m, "left_elbow", "Z", 40).positions() - m.positions()).norm(dim=-1).amax(0) > 1e-4
     >>> [name for name, it in zip(m.skeleton.names, moved) if it]
     ['left_wrist']

@@ -77,7 +77,7 @@ def plot_paddle(motions: Mapping[str, object], frame: int) -> Print:
     A skeleton of bare lines does not show how a bone is turned about its own length; the paddle does.
 
     >>> import motionkit as mk
-    >>> picture = plot_paddle({"walk": mk.load("data/walk_neutral.bvh")}, frame=15)
+    >>> picture = plot_paddle({"walk": mk.load("data/actor/walk_neutral.bvh")}, frame=15)
     """
     picture = Print(figsize=(0.5 + 3 * len(motions), 3.9), dpi=100, layout="constrained")
     ax = picture.add_subplot()

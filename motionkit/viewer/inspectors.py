@@ -130,8 +130,8 @@ def facing_view(motion: object, frame: int | None = None) -> FacingView:
     3.1). frame: where to start, by default a third of the way. `frame` is a trait: set it and the picture follows.
 
     >>> import motionkit as mk
-    >>> facing_view(mk.load("data/walk_turning.bvh"), frame=30)
-    FacingView(walk_turning, frame 30)
+    >>> facing_view(mk.load("data/actor/walk_turn_left_neutral.bvh"), frame=30)
+    FacingView(walk_turn_left_neutral, frame 30)
     """
     from ..features.facing_free import FacingFree
 
@@ -162,7 +162,7 @@ def feature_inspector(
     and the picture follows.
 
     >>> import motionkit as mk
-    >>> view = feature_inspector(mk.load("data/walk_neutral.bvh"), mk.features.HumanML3D(), number=14)
+    >>> view = feature_inspector(mk.load("data/actor/walk_neutral.bvh"), mk.features.HumanML3D(), number=14)
     >>> view.joint, view.description
     ('left_knee', 'positions y of left_knee (m)')
     """

@@ -84,7 +84,7 @@ def plot_from_side(motions: Mapping[str, object], right: str) -> object:
     matplotlib Figure.
 
     >>> import motionkit as mk
-    >>> walk = mk.load("data/walk_neutral.bvh")[::20]
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")[::20]
     >>> picture = plot_from_side({"a walk": walk}, right="a walk")
     """
     picture = Print(figsize=(7.6, 1.55 * len(motions)), dpi=110, layout="constrained")

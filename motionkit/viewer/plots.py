@@ -48,7 +48,7 @@ def strip(
     sooner.
 
     >>> import motionkit as mk
-    >>> picture = mk.strip(mk.load("data/walk_neutral.bvh"), poses=6)
+    >>> picture = mk.strip(mk.load("data/actor/walk_neutral.bvh"), poses=6)
     >>> picture.savefig("strip.pdf")  # doctest: +SKIP
     """
     if poses < 1:

@@ -55,7 +55,7 @@ def scene(
     millimetres; +Y of the motion points up, and plotly's x, y and z are the motion's Z, X and Y.
 
     >>> import motionkit as mk
-    >>> len(mk.scene(mk.load("data/walk_neutral.bvh"), frames=12).frames)
+    >>> len(mk.scene(mk.load("data/actor/walk_neutral.bvh"), frames=12).frames)
     12
     """
     if frames < 1 or (stride is not None and stride < 1):

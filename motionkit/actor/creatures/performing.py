@@ -11,6 +11,7 @@ from torch import Tensor
 
 from ...errors import MotionKitError
 from ...motion import Motion
+from ..captions import captions
 from ..clock import fine_axis, interpolate, seconds_of
 from ..layers import Curves, Moment
 from ..paths import checked_path
@@ -109,7 +110,8 @@ def tell(
         translations=motion.translations.float(),
         name=f"{creature.name}_{content.replace(', ', '-')}_{style.name}_{score.seed}",
     )
-    return Performance(motion, contacts, beats, content, style, score.seed, creature, score)
+    told = captions(content, style, score.seed, subject=f"a {creature.name}", acts=score.acts)
+    return Performance(motion, contacts, beats, content, style, score.seed, creature, score, told)
 
 
 def realise(
