@@ -154,7 +154,7 @@ def _fitting(
     own = person.as_done_by(style)
     beats = seconds * 1.85 * own.tempo
     for _ in range(8):
-        score = compose(names, seed, beats, path)
+        score = compose(names, seed, beats, path, seconds)
         taken = _length(score, own, person)
         if abs(taken - seconds) < 1e-3:
             break

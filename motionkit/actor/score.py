@@ -116,12 +116,21 @@ def contents_of(content: str | Sequence[str]) -> tuple[str, ...]:
     return names
 
 
-def compose(contents: tuple[str, ...], seed: int, beats: float, path: Tensor | None = None) -> Score:
+def compose(
+    contents: tuple[str, ...], seed: int, beats: float, path: Tensor | None = None, seconds: float | None = None
+) -> Score:
     """A score of about so many beats. One gesture is done again and again with rests; of several each is done once.
 
-    Raises MotionKitError if the beats do not hold what is asked for.
+    seconds: how long so many beats take, for messages. Raises MotionKitError if they do not hold what is asked for.
     """
     chance = random.Random(f"{seed} {' '.join(contents)}")
+    least = _least(contents)
+    if beats < least:
+        rate, unit = (seconds / beats, "s") if seconds else (1.0, "beats")
+        needed = f"{least * rate:.1f} {unit}; found {beats * rate:.1f}"
+        raise MotionKitError(
+            f"{', '.join(contents)}: in this style at least {needed}; give more seconds, or a quicker style"
+        )
     if len(contents) > 1:
         acts = _sequence(contents, beats, chance)
         return Score(acts, 0.0, acts[-1].stop, seed, path)
@@ -130,6 +139,14 @@ def compose(contents: tuple[str, ...], seed: int, beats: float, path: Tensor | N
         walk = _walk(contents[0], -4.0, first + beats + 8, chance)
         return Score((walk,), first, first + beats, seed, path)
     return Score(_gestures(contents[0], beats, chance), 0.0, beats, seed, path)
+
+
+def _least(contents: tuple[str, ...]) -> float:
+    """Beats that contents take at the least; one walk or idling takes any."""
+    if len(contents) == 1:
+        return 0.0 if contents[0] in (*WALKS, "idle") else GESTURES[contents[0]]
+    walks = sum(c in WALKS for c in contents)
+    return sum(GESTURES.get(c, 0.0) for c in contents) + walks * 2 * RAMP + (0 if walks else 0.5)
 
 
 def _walk(name: str, start: float, length: float, chance: random.Random) -> Act:
@@ -143,10 +160,6 @@ def _gestures(name: str, beats: float, chance: random.Random) -> tuple[Act, ...]
     length = GESTURES[name]
     if name == "idle":
         return (Act("idle", -1.0, beats + 2),)
-    if beats < length:
-        raise MotionKitError(
-            f"one {name} takes {length:g} beats and the clip holds {beats:.1f}; give more seconds, or a quicker style"
-        )
     count = max(1, int((beats - 0.5) // (length + 0.6)))
     rest = (beats - count * length) / (count + 1)
     acts, now, side = [], 0.0, chance.choice((1, -1))
@@ -162,11 +175,6 @@ def _sequence(contents: tuple[str, ...], beats: float, chance: random.Random) ->
     """Each once, in order: gestures take what they need, walks share the rest."""
     walks = sum(c in WALKS for c in contents)
     fixed = sum(GESTURES.get(c, 0.0) for c in contents)
-    least = fixed + walks * 2 * RAMP + (0 if walks else 0.5)
-    if beats < least:
-        raise MotionKitError(
-            f"{', '.join(contents)} take at least {least:g} beats and the clip holds {beats:.1f}; give more seconds"
-        )
     acts, now = [], 0.0
     for name in contents:
         length = GESTURES.get(name) or (beats - fixed) / walks
