@@ -11,7 +11,7 @@ IN := $(VENV)/bin/python
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help lab test tour notebooks bench-actor bench-io fuzz pins clean
+.PHONY: help lab test tour notebooks examples sheets bench-actor bench-io fuzz pins clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -31,6 +31,13 @@ tour: $(READY) ## run the tour without a browser; its motion (BVH) and page (HTM
 
 notebooks: $(READY) ## execute all notebooks in place (NB=file for one)
 	@$(IN) tools/run_notebooks.py $(NB)
+
+examples: $(READY) ## make data/actor again, and the fingerprint of what the performer makes
+	$(IN) tools/make_examples.py
+	$(IN) tools/make_fingerprint.py
+
+sheets: $(READY) ## draw every content in every style, and every creature, into out/sheets/
+	$(IN) tools/contact_sheets.py
 
 bench-actor: $(READY) ## measure the performer into results/actor.json
 	$(IN) tools/bench_actor.py

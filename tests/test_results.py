@@ -1,0 +1,69 @@
+"""results/*.json: the form of a results file, figures that agree with their targets, nothing about a machine's folders."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from check_notebooks import MACHINE_PATH
+
+ROOT = Path(__file__).resolve().parent.parent
+TARGETS = {
+    "io": {
+        "bvh_read_mb_per_s": 40,
+        "bvh_read_times_pymotion": 3,
+        "fk_frames_per_s": 1_000_000,
+        "fk_times_pymotion": 2.46,
+        "import_seconds": 0.3,
+        "all_clips_seconds": 12,
+        "all_clips_peak_gb": 1.5,
+        "cached_load_seconds": 1,
+    },
+    "actor": {
+        "making_frames_per_s": 3000,
+        "dataset_seconds": 90,
+        "dataset_peak_gb": 1,
+        "corpus_batches_per_s": 200,
+        "foot_sliding_mm": 1,
+        "penetration_mm": 5,
+        "bone_error_mm": 0.01,
+        "frames_beyond_limits": 0,
+        "acceleration_ratio": 1.5,
+        "like_walk": 80,
+        "like_run": 80,
+        "style_accuracy": 97,
+        "content_accuracy": 98,
+        "single_frame_proud_strutting": 60,
+        "single_frame_depressed_tired": 60,
+    },
+}
+LESS = ("_seconds", "_gb", "_mm", "_ratio", "_limits")  # endings of figures that should be small
+CASES = [(subject, name) for subject, names in TARGETS.items() for name in names]
+
+
+def result(subject: str) -> dict:
+    return json.loads((ROOT / "results" / f"{subject}.json").read_text())
+
+
+@pytest.mark.parametrize("subject", TARGETS)
+def test_form(subject):
+    found = result(subject)
+    assert set(found) - {"tables"} == {"command", "commit", "hardware", "seed", "seconds", "figures"}
+    assert found["command"] == f"make bench-{subject}" and found["seconds"] > 0
+    assert re.fullmatch(r"[0-9a-f]{7,40}(-dirty)?", found["commit"]) and "cores" in found["hardware"]
+    assert not re.search(MACHINE_PATH, json.dumps(found))
+    assert set(found["figures"]) == set(TARGETS[subject])
+
+
+@pytest.mark.parametrize("subject, name", CASES)
+def test_figures_agree_with_their_targets(subject, name):
+    line = result(subject)["figures"][name]
+    assert set(line) == {"value", "target", "met", "unit", "note"}
+    assert line["target"] == TARGETS[subject][name] and line["value"] >= 0
+    less = name.endswith(LESS) or name.startswith("single_frame")
+    assert line["met"] is (line["value"] <= line["target"] if less else line["value"] >= line["target"])
+
+
+def test_every_results_file_is_known():
+    assert {path.stem for path in (ROOT / "results").glob("*.json")} == set(TARGETS)
