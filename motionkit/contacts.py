@@ -179,14 +179,20 @@ def lock_feet(
         across = _corrections(foot[..., [0, 2]], stands, blend)
         up = _height_corrections(foot[..., 1], stands, blend)
         targets.append(places[:, ankle] + torch.stack((across[:, 0], up, across[:, 1]), -1))
-    motion = _sunk(motion, _pelvis_drop(motion, legs, targets, places))
+    motion = sunk(motion, pelvis_drop(motion, legs, targets, places))
     for leg, target in zip(legs, targets, strict=True):
         motion = two_bone_ik(motion, leg, target)
     return motion
 
 
-def _sunk(motion: Motion, drop: Tensor) -> Motion:
-    """The motion with its pelvis, and all that hangs on it, `drop` [F] metres lower in the world."""
+def sunk(motion: Motion, drop: Tensor) -> Motion:
+    """The motion with its pelvis, and all that hangs on it, `drop` [F] metres lower in the world.
+
+    >>> import motionkit as mk
+    >>> m = mk.load("data/actor/walk_neutral.bvh")
+    >>> float((m.positions() - sunk(m, torch.full((len(m),), 0.1)).positions())[..., 1].mean().round(decimals=3))
+    0.1
+    """
     pelvis, translations = motion.skeleton.pelvis, motion.translations.clone()
     down = torch.stack((torch.zeros_like(drop), -drop, torch.zeros_like(drop)), -1)
     parent = motion.skeleton.parents[pelvis]
@@ -272,8 +278,19 @@ def _fade(shift: Tensor, intervals: list[tuple[int, int]], inside: Tensor, blend
     return result
 
 
-def _pelvis_drop(motion: Motion, legs: list, targets: list[Tensor], places: Tensor) -> Tensor:
-    """How far the pelvis must sink, [F] metres from 0 up, for both legs to reach; smoothed over a few frames."""
+def pelvis_drop(motion: Motion, legs: list, targets: list[Tensor], places: Tensor) -> Tensor:
+    """How far the pelvis must sink, [F] metres from 0 up, for both legs to reach; smoothed over a few frames.
+
+    legs: (hip, knee, ankle) joints of each; targets: for each, where its ankle is to be, [F, 3] metres. places: the
+    motion's positions [F, J, 3].
+
+    >>> import motionkit as mk
+    >>> m = mk.load("data/actor/walk_neutral.bvh")
+    >>> leg, places = tuple(m.skeleton.index(f"left_{n}") for n in ("hip", "knee", "ankle")), m.positions()
+    >>> deeper = places[:, leg[2]] - torch.tensor([0.0, 0.2, 0.0])
+    >>> bool(pelvis_drop(m, [leg], [deeper], places).mean() > 0.1)
+    True
+    """
     drop = places.new_zeros(len(motion))
     for (hip, knee, ankle), target in zip(legs, targets, strict=True):
         length = (places[:, knee] - places[:, hip]).norm(dim=-1) + (places[:, ankle] - places[:, knee]).norm(dim=-1)

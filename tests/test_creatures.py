@@ -160,12 +160,12 @@ def test_deeds_look_like_what_they_are_called():
 def test_a_score_told_again_agrees_beat_by_beat(kind):
     deed = next(iter(zoo.creature_named(kind).species.deeds))
     first = zoo.perform(f"walk, {deed}", "neutral", 6, seconds=9, creature=kind)
-    other = zoo.retell(first, "tired")
+    other = mk.actor.retell(first, "tired")
     assert other.performer is first.performer and other.score is first.score
     assert len(other) > 1.2 * len(first)
     along = other.along(first)
     assert len(along) == len(first)
-    same = zoo.retell(first, "neutral")
+    same = mk.actor.retell(first, "neutral")
     torch.testing.assert_close(
         same.along(first).positions()[:-2], first.motion.positions()[:-2], atol=2e-3, rtol=0
     )

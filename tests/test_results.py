@@ -1,4 +1,4 @@
-"""results/*.json: the form of a results file, figures that agree with their targets, nothing about a machine's folders."""
+"""results/*.json: their form, figures that agree with their targets, nothing about a machine's folders."""
 
 import json
 import re

@@ -117,11 +117,7 @@ def perform(
             content, style, seed, seconds=seconds, fps=fps, intensity=intensity, creature=performer, path=path
         )
     names, style = contents_of(content), style_named(style)
-    for what, value, least in (("seconds", seconds, 0.1), ("fps", fps, 1.0), ("intensity", intensity, -10.0)):
-        if not isinstance(value, int | float) or not math.isfinite(value) or value < least:
-            raise MotionKitError(f"{what}: expected a number of at least {least:g}; found {value!r}")
-    if seconds > 3600:
-        raise MotionKitError(f"seconds: at most 3600 in one performance; found {seconds!r}")
+    check_numbers(seconds, fps, intensity)
     person, wanted = performer_of(performer, seed), style.at(intensity) if intensity != 1 else style
     score = _fitting(names, int(seed), seconds, wanted, person, checked_path(path))
     return _tell(score, ", ".join(names), wanted, person, fps, round(seconds * fps))
@@ -145,6 +141,15 @@ def retell(performance: Performance, style: str | Style, intensity: float = 1.0)
     from .creatures import tell
 
     return tell(*told)
+
+
+def check_numbers(seconds: float, fps: float, intensity: float) -> None:
+    """MotionKitError for a length, frame rate or intensity that cannot be performed."""
+    for what, value, least in (("seconds", seconds, 0.1), ("fps", fps, 1.0), ("intensity", intensity, -10.0)):
+        if not isinstance(value, int | float) or not math.isfinite(value) or value < least:
+            raise MotionKitError(f"{what}: expected a number of at least {least:g}; found {value!r}")
+    if seconds > 3600:
+        raise MotionKitError(f"seconds: at most 3600 in one performance; found {seconds!r}")
 
 
 def _fitting(

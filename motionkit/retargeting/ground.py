@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from .. import rotations as rot
-from ..contacts import _pelvis_drop, _sunk, foot_contacts, two_bone_ik
+from ..contacts import foot_contacts, pelvis_drop, sunk, two_bone_ik
 from ..motion import Motion
 from .matching import SIDES, Body, Links
 
@@ -126,7 +126,7 @@ def _moved(result: Motion, legs: list[tuple], shifts: list[Tensor], planted: lis
     if max(float((s - common).abs().max()) for s in shifts) < 1e-6:
         return result
     targets = [places[:, leg[2]] + shift for leg, shift in zip(legs, shifts, strict=True)]
-    result = _sunk(result, _pelvis_drop(result, legs, targets, result.positions()))
+    result = sunk(result, pelvis_drop(result, legs, targets, result.positions()))
     for leg, there in zip(legs, targets, strict=True):
         result = two_bone_ik(result, leg, there)
     return result

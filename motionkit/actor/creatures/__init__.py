@@ -4,7 +4,7 @@
 Motion('dog_sit_tired_1', 180 frames at 30 fps, 6.0 s, 33 joints)
 """
 
-from .performing import CREATURES, creature_named, perform, realise, retell, tell
+from .performing import CREATURES, creature_named, perform, realise, tell
 from .species import Creature, Species
 
-__all__ = ["CREATURES", "Creature", "Species", "creature_named", "perform", "realise", "retell", "tell"]
+__all__ = ["CREATURES", "Creature", "Species", "creature_named", "perform", "realise", "tell"]

@@ -15,7 +15,7 @@ from ..captions import captions
 from ..clock import fine_axis, interpolate, seconds_of
 from ..layers import Curves, Moment
 from ..paths import checked_path
-from ..performing import Performance
+from ..performing import Performance, check_numbers
 from ..presets import style_named
 from ..route import WALK_STEP, Route, plan_route
 from ..score import Score
@@ -74,28 +74,12 @@ def perform(
     (Motion('dog_trot_proud_1', 120 frames at 30 fps, 4.0 s, 33 joints), torch.Size([120, 4]))
     """
     who, style = creature_named(creature, seed), style_named(style)
-    for what, value, least in (("seconds", seconds, 0.1), ("fps", fps, 1.0), ("intensity", intensity, -10.0)):
-        if not isinstance(value, int | float) or not math.isfinite(value) or value < least:
-            raise MotionKitError(f"{what}: expected a number of at least {least:g}; found {value!r}")
-    if seconds > 3600:
-        raise MotionKitError(f"seconds: at most 3600 in one performance; found {seconds!r}")
+    check_numbers(seconds, fps, intensity)
     names, wanted = contents_for(who, content), style.at(intensity) if intensity != 1 else style
     if who.name == humanoid.HUMANOID.name:
         return humanoid.perform(content, wanted, seed, who, seconds, fps, path)
     score = _fitting(names, int(seed), seconds, wanted, who, checked_path(path))
     return tell(score, ", ".join(names), wanted, who, fps, round(seconds * fps))
-
-
-def retell(performance: Performance, style: str | Style, intensity: float = 1.0) -> Performance:
-    """The same intention of the same creature in another style, as `motionkit.actor.retell`.
-
-    >>> p = perform("walk", seed=1, seconds=3)
-    >>> tired = retell(p, "tired")
-    >>> len(tired) > len(p), len(tired.along(p)) == len(p)
-    (True, True)
-    """
-    wanted = style_named(style).at(intensity) if intensity != 1 else style_named(style)
-    return tell(performance.score, performance.content, wanted, performance.performer, performance.motion.fps)
 
 
 def tell(
