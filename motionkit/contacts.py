@@ -190,7 +190,7 @@ def sunk(motion: Motion, drop: Tensor) -> Motion:
 
     >>> import motionkit as mk
     >>> m = mk.load("data/actor/walk_neutral.bvh")
-    >>> float((m.positions() - sunk(m, torch.full((len(m),), 0.1)).positions())[..., 1].mean().round(decimals=3))
+    >>> round(float((m.positions() - sunk(m, torch.full((len(m),), 0.1)).positions())[..., 1].mean()), 3)
     0.1
     """
     pelvis, translations = motion.skeleton.pelvis, motion.translations.clone()
