@@ -28,6 +28,13 @@ _HOMES = {
     "plot_rotation_paths": "lessons",
     "plot_numbers": "lessons",
     "plot_from_side": "lessons",
+    "plot_styles": "style_plots",
+    "plot_phase": "style_plots",
+    "cycle_mean": "style_plots",
+    "gait_angles": "style_plots",
+    "plot_joint_errors": "style_plots",
+    "plot_speed_bands": "style_plots",
+    "style_mixer": "mixer",
 }
 __all__ = [*_HOMES, "colours"]
 
