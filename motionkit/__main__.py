@@ -1,4 +1,4 @@
-"""The command line: `python -m motionkit info FILE`, `play FILE`, `stylize IN --style STYLE -o OUT`."""
+"""The command line: `python -m motionkit info FILE`, `play FILE`, `stylize IN --style STYLE -o OUT`, `perform WHAT`."""
 
 from __future__ import annotations
 
@@ -41,7 +41,19 @@ def _parser() -> argparse.ArgumentParser:
     stylize.add_argument("-o", "--output", required=True, help="the BVH file to write")
     stylize.add_argument("--method", default="statistics", help=f"one of: {', '.join(methods.names())}")
     stylize.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)
+    _add_perform(commands)
     return parser
+
+
+def _add_perform(commands: argparse._SubParsersAction) -> None:
+    perform = commands.add_parser("perform", help="let the performer make a motion in some style, and write BVH")
+    perform.add_argument("content", help='what is done, such as walk, bow, or "walk, jump, kick"')
+    perform.add_argument("--style", default="neutral", help="such as old, proud, zombie")
+    perform.add_argument("--intensity", type=float, default=1.0, help="0 is neutral, 1 the style, 1.5 exaggerated")
+    perform.add_argument("--seconds", type=float, default=6.0)
+    perform.add_argument("--seed", type=int, default=0, help="another number, another take")
+    perform.add_argument("--performer", help="a person's number, or a creature such as dog or crab")
+    perform.add_argument("-o", "--output", required=True, help="the BVH file to write")
 
 
 def _info(args: argparse.Namespace) -> None:
@@ -79,6 +91,18 @@ def _stylize(args: argparse.Namespace) -> None:
     print(save(method.stylize(content, style=style, strength=args.strength), output))
 
 
+def _perform(args: argparse.Namespace) -> None:
+    from . import actor
+
+    output = _fresh(args.output, ".bvh", [])
+    who = int(args.performer) if (args.performer or "").isdigit() else args.performer
+    made = actor.perform(
+        args.content, args.style, args.seed, seconds=args.seconds, intensity=args.intensity, performer=who
+    )
+    print(save(made.motion, output))
+    print(made.captions[0])
+
+
 def _fresh(output: str | Path, suffix: str, inputs: list[str]) -> Path:
     """The file to write; refuses one that is read here, and names that would tell other programs something wrong."""
     path = Path(output)
@@ -100,7 +124,7 @@ def main(arguments: list[str] | None = None) -> int:
         with warnings.catch_warnings():
             warnings.simplefilter("always", MotionKitWarning)
             warnings.showwarning = lambda message, *_: print(f"motionkit: {message}", file=sys.stderr)
-            {"info": _info, "play": _play, "stylize": _stylize}[args.command](args)
+            {"info": _info, "play": _play, "stylize": _stylize, "perform": _perform}[args.command](args)
     except MotionKitError as error:
         print(f"motionkit: {error}", file=sys.stderr)
         return 2

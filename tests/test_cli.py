@@ -22,6 +22,16 @@ def test_stylize_writes_a_file_that_loads(tmp_path, capsys):
     assert len(mk.load(out)) == 120 and str(out) in capsys.readouterr().out
 
 
+def test_perform_writes_what_was_asked_for(tmp_path, capsys):
+    out = tmp_path / "bow.bvh"
+    assert main(["perform", "bow", "--style", "tired", "--seconds", "8", "-o", str(out)]) == 0
+    assert len(mk.load(out)) == 240 and "bow" in capsys.readouterr().out.splitlines()[1]
+    assert main(["perform", "sit", "--performer", "dog", "--seconds", "7", "-o", str(tmp_path / "dog.bvh")]) == 0
+    assert mk.load(tmp_path / "dog.bvh").skeleton.names != mk.load(out).skeleton.names
+    assert main(["perform", "walk", "--style", "tird", "-o", str(tmp_path / "no.bvh")]) == 2
+    assert "did you mean 'tired'" in capsys.readouterr().err and not (tmp_path / "no.bvh").exists()
+
+
 def test_play_writes_a_page_without_network(tmp_path, capsys):
     page = tmp_path / "walk.html"
     assert main(["play", "data/actor/walk_neutral.bvh", "data/actor/walk_old.bvh", "-o", str(page), "--no-open"]) == 0

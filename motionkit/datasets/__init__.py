@@ -95,7 +95,7 @@ def items_of(name: str, root: str | os.PathLike | None = None, **options) -> Seq
     return found
 
 
-def load(name: str, root: str | os.PathLike | None = None, **options) -> Dataset:
+def load(name: str = "actor", root: str | os.PathLike | None = None, **options) -> Dataset:
     """A dataset by name.
 
     name: one of `names()`. root: a folder with the clips somewhere below it, or the archive's zip, which is
