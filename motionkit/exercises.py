@@ -64,6 +64,40 @@ def _published_path(features: Tensor) -> Tensor:
     return HumanML3D().path(features)[1]
 
 
+def _takes() -> list[tuple]:
+    """Takes of clips: one clip each, then several clips of a take that stand apart, then one take only."""
+    shuffled = ["e", "b", "a", "e", "c", "b", "d", "a", "f", "e"]
+    return [([f"take {n}" for n in range(12)],), (shuffled,), (["only"] * 4,)]
+
+
+def _take_split(takes: list[str]) -> Tensor:
+    """Which clips are for the test, bool [N]: all those of every fifth take, in alphabetical order."""
+    chosen = set(sorted(set(takes))[::5])
+    return torch.tensor([take in chosen for take in takes])
+
+
+def _padded() -> list[tuple]:
+    """Features and masks [B, F]: nothing padded, clips of several lengths, and what stands in the padding is large."""
+    features, lengths = _random(4, 10, 3), torch.tensor([10, 7, 3, 1])
+    mask = torch.arange(10) < lengths[:, None]
+    return [
+        (features, torch.ones(4, 10, dtype=torch.bool)),
+        (features, mask),
+        (features + 1e3 * ~mask[..., None], mask),
+    ]
+
+
+def _masked_mean(features: Tensor, mask: Tensor) -> Tensor:
+    """The mean over each clip's own frames, [B, D], of features [B, F, D] with a mask [B, F]."""
+    return (features * mask[..., None]).sum(1) / mask.sum(1, keepdim=True)
+
+
+def _balanced_chances(labels: Tensor) -> Tensor:
+    """For each sample the chance to be drawn, [N], such that every label that occurs is drawn equally often."""
+    _, group, count = torch.unique(labels, return_inverse=True, return_counts=True)
+    return 1 / (count[group] * len(count))
+
+
 _EXERCISES = {
     "swing_angle": Exercise(
         rot.quaternion_angle,
@@ -100,6 +134,23 @@ _EXERCISES = {
         _walkers,
         "the mean over pairs of neighbouring frames in which the same joint stands in both; x and z only, in "
         "millimetres; 0 where nothing stands",
+    ),
+    "take_split": Exercise(
+        _take_split,
+        _takes,
+        "deal out takes, not clips: every fifth of the different takes in alphabetical order, from the first on; "
+        "then a clip goes where its take goes",
+    ),
+    "masked_mean": Exercise(
+        _masked_mean,
+        _padded,
+        "padded frames must count neither in the sum nor in what you divide by",
+    ),
+    "balanced_chances": Exercise(
+        _balanced_chances,
+        lambda: [(torch.tensor([0, 0, 0, 1]),), (torch.tensor([2, 5, 5, 2, 2, 9]),), (torch.tensor([3]),)],
+        "every label that occurs gets the same share, and its samples divide that among them; all add up to 1, and "
+        "labels need not be 0, 1, 2",
     ),
 }
 

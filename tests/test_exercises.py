@@ -76,3 +76,39 @@ def test_errors_and_shapes_are_put_in_words(capsys):
     assert "shape is [3]" in capsys.readouterr().out
     with pytest.raises(mk.MotionKitError, match="did you mean 'slerp'"):
         exercises.check("slurp", print)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda takes: torch.arange(len(takes)) % 5 == 0,  # deals out clips
+        lambda takes: torch.tensor([take in list(dict.fromkeys(takes))[::5] for take in takes]),  # in order of coming
+        lambda takes: torch.tensor([take in sorted(takes)[::5] for take in takes]),  # large takes count more
+    ],
+)
+def test_a_split_that_leaks_or_is_unfair_is_caught(wrong):
+    assert not exercises.check("take_split", wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda x, mask: x.mean(1),
+        lambda x, mask: (x * mask[..., None]).mean(1),
+        lambda x, mask: x[mask].mean(0).expand(len(x), -1),
+    ],
+)
+def test_a_mean_that_counts_padding_is_caught(wrong):
+    assert not exercises.check("masked_mean", wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda labels: torch.full((len(labels),), 1 / len(labels)),
+        lambda labels: 1 / torch.bincount(labels)[labels],
+        lambda labels: 1 / (torch.bincount(labels)[labels] * len(torch.bincount(labels))),  # labels that do not occur
+    ],
+)
+def test_unbalanced_chances_are_caught(wrong):
+    assert not exercises.check("balanced_chances", wrong)

@@ -12,7 +12,7 @@ from motionkit.datasets.bandai import SMPL_NAMES
 from motionkit.viewer.plots import few_colours
 
 PICTURES = Path(__file__).resolve().parent.parent / "notebooks" / "pictures"
-SHOWN = ("Hips", "Head", "Hand_L", "LowerLeg_L", "Foot_L")
+SHOWN = ("Hips", "Head", "Hand_L", "Foot_L")
 
 
 def main() -> None:
@@ -22,7 +22,7 @@ def main() -> None:
     made = [actor.perform("walk", seed=n, seconds=5, performer=person).motion for n in range(20)]
     captured = mk.retarget(clips[0], person.skeleton)
     pictures = {
-        "captured_walk": mk.strip([captured[:60], made[0][:60]], labels=["captured", "performer"], poses=7),
+        "captured_walk": mk.strip([captured[40:100], made[0][:60]], labels=["captured", "performer"], poses=7),
         "captured_speeds": mk.viewer.plot_speed_bands(clips, made, {name: SMPL_NAMES[name] for name in SHOWN}),
     }
     for name, picture in pictures.items():

@@ -170,8 +170,8 @@ def plot_speed_bands(captured: Sequence[Motion], made: Sequence[Motion], joints:
     theirs = torch.stack([speed_bands(m, list(joints)) for m in captured])
     ours = torch.stack([speed_bands(m, list(joints.values())) for m in made]).median(0).values
     low, high = (torch.quantile(theirs, q, 0) for q in (0.025, 0.975))
-    ticks = ["mean", *(f"{a:g} to\n{b:g}" for a, b in zip(EDGES, EDGES[1:]))]
-    picture = Print(figsize=(9.5, 2.7), dpi=100, layout="constrained")
+    ticks = ["mean", *(f"{a:g}–\n{b:g}" for a, b in zip(EDGES, EDGES[1:]))]
+    picture = Print(figsize=(9.5, 3.0), dpi=100, layout="constrained")
     for n, (ax, name) in enumerate(zip(picture.subplots(1, len(joints), squeeze=False)[0], joints.values())):
         x = range(len(ticks))
         ax.bar(x, high[n] - low[n], 0.55, low[n], color="#cfd6df", label="95 % of captures")
@@ -181,6 +181,6 @@ def plot_speed_bands(captured: Sequence[Motion], made: Sequence[Motion], joints:
         ax.set_title(name, fontsize=9.5, loc="left", color=INK)
         style_axes(ax)
         ax.tick_params(axis="x", labelsize=7)
-    picture.axes[-1].legend(frameon=False, fontsize=7.5, labelcolor=INK)
-    picture.supxlabel("frequency of the swings (Hz)", fontsize=9, color=INK)
+    picture.legend(*picture.axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False)
+    picture.supxlabel("the mean, then swings by frequency (Hz)", fontsize=9, color=INK)
     return picture
