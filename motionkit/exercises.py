@@ -168,6 +168,15 @@ def names() -> list[str]:
     return sorted(_EXERCISES)
 
 
+def reference(name: str) -> Callable:
+    """The function that `check` compares with: what a stub in a notebook falls back to.
+
+    >>> reference("take_split")(["b", "a", "b"])
+    tensor([False,  True, False])
+    """
+    return _exercise(name).reference
+
+
 def check(name: str, mine: Callable) -> bool:
     """Compare a function with the kit's on a few cases, print a sentence, and return whether it is right.
 
@@ -179,14 +188,18 @@ product is negative) and keep the result at length 1
     slerp: right.
     True
     """
+    problem = _first_problem(_exercise(name), mine)
+    print(f"{name}: {problem or 'right.'}")
+    return problem is None
+
+
+def _exercise(name: str) -> Exercise:
     if name not in _EXERCISES:
         near = difflib.get_close_matches(name, _EXERCISES, 1, 0.3)
         raise MotionKitError(
             f"no exercise {name!r}; {'did you mean ' + repr(near[0]) + '? ' if near else ''}all: {', '.join(names())}"
         )
-    problem = _first_problem(_EXERCISES[name], mine)
-    print(f"{name}: {problem or 'right.'}")
-    return problem is None
+    return _EXERCISES[name]
 
 
 def _first_problem(exercise: Exercise, mine: Callable) -> str | None:

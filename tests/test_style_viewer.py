@@ -24,7 +24,7 @@ def test_the_mixer_begins_as_the_retelling_does(mixer, walk):
     assert torch.equal(mixer.performance.motion.positions(), told.motion.positions())
 
 
-@pytest.mark.parametrize("name", [name for group in style_plots.GROUPS.values() for name in group])
+@pytest.mark.parametrize("name", [name for group in style_plots.STYLE_GROUPS.values() for name in group])
 def test_every_slider_moves_somebody_who_walks(mixer, name):
     control, before = mixer.controls[name], mixer.player.motions[0]
     control.value = control.max if control.value < (control.min + control.max) / 2 else control.min

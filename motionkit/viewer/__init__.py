@@ -28,6 +28,7 @@ _HOMES = {
     "plot_rotation_paths": "lessons",
     "plot_numbers": "lessons",
     "plot_from_side": "lessons",
+    "STYLE_GROUPS": "style_plots",
     "plot_styles": "style_plots",
     "plot_phase": "style_plots",
     "cycle_mean": "style_plots",

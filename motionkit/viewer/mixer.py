@@ -12,7 +12,7 @@ from ..actor import SEEN, UNSEEN, Performance, Style, mix, parameters, perform, 
 from ..errors import MotionKitError
 from .player import Player
 from .plots import Print, few_colours, still
-from .style_plots import GROUPS, plot_styles
+from .style_plots import STYLE_GROUPS, plot_styles
 
 _STRONGEST, _WEAKEST = 2.0, -0.5
 
@@ -20,7 +20,7 @@ _STRONGEST, _WEAKEST = 2.0, -0.5
 class StyleMixer(ipywidgets.VBox):
     """A performer over the sliders of their style; see `style_mixer`.
 
-    controls: "style", "intensity", and every parameter in `GROUPS`, name to widget. `style` is what they say,
+    controls: "style", "intensity", and every parameter in `STYLE_GROUPS`, name to widget. `style` is what they say,
     `performance` what is shown.
     """
 
@@ -29,7 +29,7 @@ class StyleMixer(ipywidgets.VBox):
         self.controls = _controls(self._base)
         self.performance = retell(intention, self._base)
         self.player = Player(self.performance.motion, height=360)
-        rows = [self._row(group, names) for group, names in GROUPS.items()]
+        rows = [self._row(group, names) for group, names in STYLE_GROUPS.items()]
         back = ipywidgets.Button(
             description="reset", tooltip="All sliders as the style has them", layout={"width": "70px"}
         )
@@ -47,14 +47,14 @@ class StyleMixer(ipywidgets.VBox):
     @property
     def style(self) -> Style:
         """The style that the controls say: the one chosen, with what the sliders changed, at the intensity set."""
-        changed = {name: self.controls[name].value for group in GROUPS.values() for name in group}
+        changed = {name: self.controls[name].value for group in STYLE_GROUPS.values() for name in group}
         whole = Style("mine", **{**self._base.values(), **changed})
         return mix({whole: self.controls["intensity"].value}, "mine")
 
     def _begin(self, style: Style) -> None:
         """Put all sliders where a style has them, at full intensity, and perform once."""
         self._quiet, self._base = True, style
-        for group in GROUPS.values():
+        for group in STYLE_GROUPS.values():
             for name in group:
                 self.controls[name].value = getattr(style, name)
         self.controls["intensity"].value, self._quiet = 1.0, False
@@ -116,7 +116,7 @@ def _controls(style: Style) -> dict[str, ipywidgets.Widget]:
         ),
     }
     known = parameters()
-    for group in GROUPS.values():
+    for group in STYLE_GROUPS.values():
         for name in group:
             about = known[name]
             step = float(np.power(10.0, np.floor(np.log10((about.high - about.low) / 60))))

@@ -19,7 +19,7 @@ from .body import figures
 from .drawing import draw_figure, view_axes
 from .plots import INK, SOFT, Print, style_axes
 
-GROUPS = {  # the numbers that tell most at a glance
+STYLE_GROUPS = {  # the numbers that tell most at a glance
     "timing": ("tempo", "pauses", "asymmetry"),
     "gait": ("step_length", "step_width", "clearance", "bob"),
     "posture": ("crouch", "lean", "slump", "head_pitch"),
@@ -27,7 +27,9 @@ GROUPS = {  # the numbers that tell most at a glance
 }
 
 
-def plot_styles(styles: Sequence[Style], groups: Mapping[str, Sequence[str]] = GROUPS, *, ax: object = None) -> object:
+def plot_styles(
+    styles: Sequence[Style], groups: Mapping[str, Sequence[str]] = STYLE_GROUPS, *, ax: object = None
+) -> object:
     """Styles as points: a line for each number, over its whole range, and a dot for each style.
 
     styles: up to eight. groups: heading to parameter names. A grey tick stands where neutral is. Returns the matplotlib
