@@ -12,7 +12,7 @@ from motionkit.datasets.bandai import SMPL_NAMES
 from motionkit.viewer.plots import few_colours
 
 PICTURES = Path(__file__).resolve().parent.parent / "notebooks" / "pictures"
-SHOWN = ("Hips", "Head", "Hand_L", "Foot_L")
+SHOWN = ("Hips", "Hand_L", "LowerLeg_L", "Foot_L")
 
 
 def main() -> None:
@@ -27,7 +27,7 @@ def main() -> None:
     }
     for name, picture in pictures.items():
         raw = io.BytesIO()
-        picture.savefig(raw, format="png", facecolor="white", dpi=80)
+        picture.savefig(raw, format="png", facecolor="white", dpi=90)
         (PICTURES / f"{name}.png").write_bytes(few_colours(raw))
         print(f"{name}.png: {len(raw.getvalue())} bytes")
 
