@@ -5,6 +5,7 @@ import base64
 import html.parser
 import io
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 import motionkit as mk
@@ -228,6 +230,15 @@ def test_a_strip_has_the_poses_rows_and_colours_asked_for(walk, proud):
     assert png.startswith(b"\x89PNG") and len(png) < 150_000
     with pytest.raises(mk.MotionKitError, match="poses=0"):
         mk.strip(walk, poses=0)
+
+
+def test_a_limb_that_reaches_past_the_axes_of_a_strip_is_not_cut_off(walk):
+    picture = mk.strip(walk[:1], poses=1)
+    axes, canvas = picture.axes[0], FigureCanvasAgg(picture)
+    axes.set_xlim(-1, 0)  # the body stands at 0, so its other half is past the edge
+    canvas.draw()
+    past = math.ceil(axes.get_window_extent().x1) + 2
+    assert (np.asarray(canvas.buffer_rgba())[:, past:, :3].min(-1) < 200).sum() > 100
 
 
 def test_drawing_into_given_axes_and_the_small_plots(walk):

@@ -125,6 +125,7 @@ class _Lifted:
 
         shapes.set_transform(Affine2D().translate(0, self.base) + self.ax.transData)
         self.ax.add_collection(shapes, autolim=False)
+        shapes.set_clip_on(False)  # the longest step of a turning body reaches past the axes, into the margin
 
 
 def still(
