@@ -9,7 +9,7 @@ from ..errors import MotionKitError
 
 
 def recognition_accuracy(scores: Tensor, labels: Tensor) -> float:
-    """Per cent of motions whose label a classifier names (papers 1 and 4: CRA and SRA; paper 3: recognition accuracy).
+    """Per cent of motions whose label a classifier names (paper 1, paper 4: CRA, SRA; paper 3).
 
     scores: [N, C] of a classifier, one column a class. labels: [N] class numbers: of the content clip for the Content
     Recognition Accuracy, of the style for the Style Recognition Accuracy. A row of scores that is not finite counts as
