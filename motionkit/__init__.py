@@ -51,6 +51,7 @@ __all__ = [
     "kinematics",
     "load",
     "methods",
+    "metrics",
     "retarget",
     "rotations",
     "save",

@@ -64,7 +64,7 @@ def still_picture(output: nbformat.NotebookNode) -> bool:
     """Leave what a page without a kernel shows of a live widget; False for a progress bar: nothing."""
     data = output.get("data", {})
     if data.pop(WIDGET_VIEW, None) and set(data) <= {"text/plain"}:
-        if "it/s]" in data.get("text/plain", ""):
+        if "/s]" in data.get("text/plain", ""):
             return False
         data["text/plain"] = "(a live widget: run this cell to use it)"
     return True
