@@ -9,7 +9,7 @@ from ..errors import MotionKitError
 
 
 def fmd(a: Tensor, b: Tensor, *, shrinkage: float | None = None) -> float:
-    """Fréchet distance between the Gaussians of two sets of features (paper 1, section 5.2; Heusel et al. 2017, eq. 6).
+    """Fréchet distance between the Gaussians of two sets of features (paper 1, section 5.2; Heusel et al. 2017).
 
     a: [N, D], b: [M, D], one row a motion, such as a classifier's last pooling layer; no unit. The result is
     |mean_a - mean_b|^2 + trace(A + B - 2 (A B)^(1/2)), 0 for equal Gaussians. A covariance needs more rows than
