@@ -29,10 +29,11 @@ def test_the_tour_runs_and_its_mixer_moves_the_picture(folder):
     with lab.Lab(folder) as server, server.open("notebooks/00_tour.ipynb") as page:
         page.run_all(180)
         assert (folder / "out" / "tour_result.bvh").is_file()
-        mixer = page.raw.locator(".mk-player").last
+        cell = page.raw.locator(".jp-CodeCell:has(.noUi-handle)")  # the one with the slider
+        mixer = cell.locator(".mk-player")
         mixer.scroll_into_view_if_needed()
         page.raw.wait_for_timeout(2500)
-        page.raw.evaluate("() => [...document.querySelectorAll('.mk-player')].at(-1).setAttribute('id', 'mixer')")
+        mixer.evaluate("player => player.setAttribute('id', 'mixer')")
         canvas = "#mixer .mk-view canvas"
         first = page.pixels(canvas)
         page.raw.wait_for_timeout(800)
@@ -42,7 +43,7 @@ def test_the_tour_runs_and_its_mixer_moves_the_picture(folder):
             page.raw.keyboard.press(key)
         page.raw.wait_for_timeout(1200)
         still = page.pixels(canvas)
-        page.raw.locator(".noUi-handle").last.focus()
+        cell.locator(".noUi-handle").focus()
         for _ in range(5):
             page.raw.keyboard.press("ArrowRight")
         page.raw.wait_for_timeout(2500)
