@@ -205,6 +205,9 @@ def test_walks_follow_a_path_and_slow_down_where_it_is_too_sharp():
     with pytest.warns(mk.MotionKitWarning, match="sharply"):
         sharp = perform("walk", seed=1, seconds=6, path=[[0, 0], [0, 2], [0.2, 2], [0.2, 0], [0.4, 0], [0.4, 3]])
     assert mk.contacts.foot_sliding(sharp.motion, sharp.contacts) < 0.5
+    with pytest.warns(mk.MotionKitWarning, match="sharply"):  # there and back: turns on the spot and goes on
+        back = perform("walk", seed=1, seconds=20, path=[[0, 0], [0, 3], [0, 0.5]])
+    assert float(back.motion.root_path()[-1].sub(torch.tensor([0, 0.5])).norm()) < 0.3
     short = perform("walk", seed=1, seconds=6, path=[[0, 0], [0, 1.5]])  # arrives, and stands
     assert float(short.motion.root_path()[-1].sub(torch.tensor([0, 1.5])).norm()) < 0.15
 
@@ -247,6 +250,10 @@ def test_files_keep_a_performance(tmp_path):
         (dict(content="walk", path="round the block"), "path"),
         (dict(content="walk", performer="crap"), "no creature 'crap'; did you mean 'crab'"),
         (dict(content=()), "no content"),
+        (dict(content=None), "content: expected a name"),
+        (dict(content="walk", seed="a"), "seed: expected a whole number"),
+        (dict(content="walk", style=["old", "proud"]), "no style"),
+        (dict(content="walk", fps=1e5), "fps: at most 1000"),
     ],
 )
 def test_bad_wishes_get_one_clear_error(arguments, message):
@@ -263,6 +270,11 @@ def test_bad_styles_get_one_clear_error():
         Style().replace(tempi=1.0)
     with pytest.raises(mk.MotionKitError, match="share"):
         mix({Style(): math.nan})
+    with pytest.raises(mk.MotionKitError, match="only what the performer did can be told again"):
+        retell(perform("walk", seed=1, seconds=3).motion, "old")
+    with pytest.raises(mk.MotionKitError, match="habits: no 'foo'"):
+        Performer(habits={"foo": 1.0})
+    assert mix({"old": 0.5, "proud": 0.5}) == mix({style_named("old"): 0.5, style_named("proud"): 0.5})
     with pytest.raises(mk.MotionKitError, match="0.4 to 3 m tall"):
         Performer(height=12)
     with pytest.raises(mk.MotionKitError, match="not tellings of one score"):

@@ -46,7 +46,10 @@ class Performer:
         return cls(int(seed), height, build, habits)
 
     def __post_init__(self) -> None:
-        if not 0.4 <= self.height <= 3.0 or not -1.5 <= self.build <= 1.5:
+        unknown = set(self.habits) - set(_HABITS)
+        if unknown:
+            raise MotionKitError(f"habits: no {sorted(unknown)[0]!r}; a person differs in {', '.join(_HABITS)}")
+        if not isinstance(self.height, int | float) or not 0.4 <= self.height <= 3.0 or not -1.5 <= self.build <= 1.5:
             raise MotionKitError(
                 f"a performer is 0.4 to 3 m tall with a build of -1.5 to 1.5; found height {self.height!r}, build "
                 f"{self.build!r}"
@@ -74,6 +77,8 @@ class Performer:
 
 def performer_of(given: Performer | int | None, seed: int) -> Performer:
     """A performer as users name one: a number, a `Performer`, or none (then the clip's seed decides)."""
+    if not isinstance(seed, int):
+        raise MotionKitError(f"seed: expected a whole number; found {seed!r}")
     if isinstance(given, Performer):
         return given
     if given is None:

@@ -13,7 +13,8 @@ from ..files import MotionKitWarning
 from .clock import FINE, interpolate
 
 SHARPEST = 0.7  # radians that a walker turns in one step at most
-_SPACING = 0.02  # metres between the points that a path is read at
+_SPACING, _MOST = 0.02, 20_000  # metres between the points that a path is read at, and how many at the most
+_SHORTEST = 0.12  # of a step: who turns on the spot still gets round
 
 
 def checked_path(path: object) -> Tensor | None:
@@ -68,7 +69,8 @@ def _curve(path: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     chord = torch.linalg.vector_norm(path[1:] - path[:-1], dim=1)
     knots = torch.cat((chord.new_zeros(1), torch.cumsum(chord, 0)))
     curve = CubicSpline(knots.numpy(), path.numpy(), bc_type="natural")
-    grid = torch.linspace(0, float(knots[-1]), max(50, int(float(knots[-1]) / _SPACING)), dtype=torch.float64)
+    count = min(max(50, int(float(knots[-1]) / _SPACING)), _MOST)
+    grid = torch.linspace(0, float(knots[-1]), count, dtype=torch.float64)
     points, tangent = (torch.from_numpy(curve(grid.numpy(), n)) for n in (0, 1))
     steps = torch.linalg.vector_norm(points[1:] - points[:-1], dim=1)
     yaw = torch.atan2(tangent[:, 0], tangent[:, 1])
@@ -90,7 +92,7 @@ def _travel(
     for n, step in enumerate(stride):
         step = abs(step)
         sharp = worst[min(int(now / spacing), len(worst) - 1)]
-        share = min(1.0, SHARPEST / max(sharp * step, 1e-9))
+        share = min(1.0, max(SHARPEST / max(sharp * step, 1e-9), _SHORTEST))
         slowest = min(slowest, share if now < end - 0.3 else 1.0)
         share *= min(1.0, max(0.0, (end - now) / max(1.2 * step, 1e-6)))
         places.append(now)

@@ -134,6 +134,11 @@ def retell(performance: Performance, style: str | Style, intensity: float = 1.0)
     >>> len(old) > len(p), len(old.along(p)) == len(p)
     (True, True)
     """
+    if not isinstance(performance, Performance):
+        raise MotionKitError(
+            f"retell: only what the performer did can be told again, as of perform('walk'); found {performance!r}. "
+            "For a motion from a file take a method: methods.load('statistics').stylize(...)"
+        )
     wanted = style_named(style).at(intensity) if intensity != 1 else style_named(style)
     told = performance.score, performance.content, wanted, performance.performer, performance.motion.fps
     if isinstance(performance.performer, Performer):
@@ -148,6 +153,8 @@ def check_numbers(seconds: float, fps: float, intensity: float) -> None:
     for what, value, least in (("seconds", seconds, 0.1), ("fps", fps, 1.0), ("intensity", intensity, -10.0)):
         if not isinstance(value, int | float) or not math.isfinite(value) or value < least:
             raise MotionKitError(f"{what}: expected a number of at least {least:g}; found {value!r}")
+    if fps > 1000:
+        raise MotionKitError(f"fps: at most 1000; found {fps!r}")
     if seconds > 3600:
         raise MotionKitError(f"seconds: at most 3600 in one performance; found {seconds!r}")
 

@@ -72,6 +72,6 @@ def style_named(name: str | Style) -> Style:
     """
     if isinstance(name, Style):
         return name
-    if name not in _BY_NAME:
+    if not isinstance(name, str) or name not in _BY_NAME:
         raise MotionKitError(f"no style {name!r}; {nearest(name, _BY_NAME)}; or make a Style(...) of your own")
     return _BY_NAME[name]

@@ -106,6 +106,8 @@ def contents_of(content: str | Sequence[str]) -> tuple[str, ...]:
     >>> contents_of("walk, jump")
     ('walk', 'jump')
     """
+    if not isinstance(content, str | Sequence):
+        raise MotionKitError(f"content: expected a name or a list of names; found {content!r}")
     names = content.split(",") if isinstance(content, str) else list(content)
     names = tuple(str(n).strip() for n in names)
     for name in names:

@@ -129,17 +129,20 @@ def parameters() -> dict[str, Parameter]:
 _PARAMETERS = {f.name: Parameter(f.default, **f.metadata) for f in fields(Style) if f.name != "name"}
 
 
-def mix(shares: Mapping[Style, float], name: str = "mix") -> Style:
+def mix(shares: Mapping[Style | str, float], name: str = "mix") -> Style:
     """Styles added up: neutral, plus for each style its share of the way there. Numbers stay within their ranges.
 
-    shares: style to share; two halves make the style in between, 1.5 of one exaggerates it. Raises MotionKitError for a
-    share that is not finite.
+    shares: style (or its name) to share; two halves make the style in between, 1.5 of one exaggerates it. Raises
+    MotionKitError for an unknown name and for a share that is not finite.
 
     >>> a, b = Style("a", lean=0.23), Style("b", slump=0.25)
     >>> both = mix({a: 0.5, b: 0.5})
     >>> round(both.lean, 3), round(both.slump, 3)
     (0.13, 0.15)
     """
+    from .presets import style_named
+
+    shares = {style_named(style): share for style, share in shares.items()}
     for style, share in shares.items():
         if not isinstance(share, int | float) or not math.isfinite(share):
             raise MotionKitError(f"the share of style {style.name!r} must be a finite number; found {share!r}")

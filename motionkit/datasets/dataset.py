@@ -215,15 +215,15 @@ class Dataset:
         return self._some(numbers)
 
     def split(
-        self, by: str | None = None, shares: tuple[float, float, float] = (0.8, 0.1, 0.1), seed: int = 0
+        self, by: str | None = None, shares: tuple[float, float, float] | None = None, seed: int = 0
     ) -> Split:
         """Three datasets, `train`, `validation` and `test`, no take in two of them.
 
         by: `take` deals out takes so that every part has its share of each content x style; `performer`, `content` or
         `style` deal those out, so that test and validation hold some that training never saw; `given` is the split of
-        the dataset's makers, and the default where every clip has one (else `take`). shares: of the takes,
-        performers, ...; they add up to 1. seed: another one gives another split, the same on every machine. Raises
-        MotionKitError where it cannot be done, and says why.
+        the dataset's makers, and the default where every clip has one (else, or with shares, `take`). shares: of the
+        takes, performers, ...; they add up to 1 (0.8, 0.1 and 0.1 if left out). seed: another one gives another split,
+        the same on every machine. Raises MotionKitError where it cannot be done, and says why.
         """
         return Split(*map(self._some, split_numbers(self, by, shares, seed)))
 

@@ -28,17 +28,20 @@ class Split(NamedTuple):
 
 
 def split_numbers(
-    dataset: Dataset, by: str | None, shares: Sequence[float], seed: int
+    dataset: Dataset, by: str | None, shares: Sequence[float] | None, seed: int
 ) -> tuple[list[int], list[int], list[int]]:
     """Numbers of the clips of train, validation and test, in the dataset's order; see `Dataset.split`."""
     if by is None:
-        by = "given" if dataset.numbers and all(dataset.labels[n].split for n in dataset.numbers) else "take"
+        given = shares is None and dataset.numbers and all(dataset.labels[n].split for n in dataset.numbers)
+        by = "given" if given else "take"
     if by not in _KINDS:
         raise MotionKitError(f"a dataset is split by {', '.join(map(repr, _KINDS))}; found by={by!r}")
+    if by == "given" and shares is not None:
+        raise MotionKitError("the split of the dataset's makers has shares of its own; leave shares out, or by='take'")
     if by == "given":
         part_of = _given(dataset)
     else:
-        shares = _checked(shares)
+        shares = _checked((0.8, 0.1, 0.1) if shares is None else shares)
         groups = _take_groups(dataset, seed) if by == "take" else _label_groups(dataset, by, seed)
         counts = _counts(len(groups), shares, by)
         part_of = {n: part for group, part in zip(groups, _deal(counts)) for n in group}

@@ -29,6 +29,10 @@ def truth_error(
     >>> float(truth_error(old.along(walk), old, walk).max()), bool(truth_error(walk.motion, old, walk).mean() > 50)
     (0.0, True)
     """
+    kinds = (("result", result, Motion), ("truth", truth, Performance), ("content", content, Performance))
+    for what, given, kind in kinds:
+        if not isinstance(given, kind):
+            raise MotionKitError(f"truth_error: {what} must be a {kind.__name__}; found {given!r}")
     if truth.score is not content.score:
         raise MotionKitError(
             f"truth_error: {truth!r} is no retelling of {content!r}; make it with actor.retell(content, style)"
