@@ -148,6 +148,18 @@ def test_soundness(walk):
     ]
     assert metrics.jitter(walk) < metrics.jitter(shaken[0]) < metrics.jitter(shaken[1])
     assert metrics.bone_length_error(walk) < 0.01 < 1 < metrics.bone_length_error(shaken[1])
+    helper = mk.Skeleton(  # as in many captures: a joint on the ground, from which the hips move freely
+        ("ground", *walk.skeleton.names),
+        (-1, *(p + 1 for p in walk.skeleton.parents)),
+        torch.cat((torch.zeros(1, 3), walk.skeleton.offsets)),
+    )
+    still = mk.rotations.identity_quaternion(len(walk), 1)
+    lifted = walk.replace(
+        skeleton=helper,
+        rotations=torch.cat((still, walk.rotations), 1),
+        translations=torch.cat((torch.zeros(len(walk), 1, 3), walk.translations), 1),
+    )
+    assert metrics.bone_length_error(lifted) < 0.01
     stretched = walk.replace(translations=walk.translations.clone())
     knee = walk.skeleton.index("left_knee")
     stretched.translations[7, knee] *= 1.1

@@ -28,10 +28,13 @@ def jitter(motion: Motion) -> float:
 def bone_length_error(motion: Motion) -> float:
     """The largest difference of a bone's length from the skeleton's, millimetres, over all bones and frames.
 
+    Helper joints above the pelvis, from which it moves freely, are no bones.
+
     >>> import motionkit as mk
     >>> bone_length_error(mk.load("data/actor/walk_neutral.bvh")) < 0.01
     True
     """
+    motion = motion.body()
     if len(motion.skeleton) < 2 or not len(motion):
         return 0.0
     places, parents = motion.positions().double(), list(motion.skeleton.parents[1:])
