@@ -14,7 +14,7 @@ from torch import Tensor
 from . import rotations as rot
 from .bvh_angles import compose, decompose, layouts
 from .bvh_units import guess_metres_per_unit
-from .errors import MotionKitError
+from .errors import MotionKitError, motion_inside
 from .files import MotionKitWarning, write_atomic
 from .motion import Motion
 from .skeleton import POSITION_CHANNELS, Skeleton
@@ -39,7 +39,8 @@ def save(motion: Motion, path: str | os.PathLike) -> Path:
     120
     """
     if not isinstance(motion, Motion):
-        raise MotionKitError(f"save(motion, path): expected a Motion first; found {type(motion).__name__}")
+        hint = motion_inside(motion)
+        raise MotionKitError(f"save(motion, path): expected a Motion first; found {type(motion).__name__}{hint}")
     text = format_bvh(motion)
     unit = motion.metres_per_unit
     guess = guess_metres_per_unit(motion.skeleton, unit)

@@ -314,3 +314,12 @@ def test_importing_the_kit_loads_no_heavy_library():
     code = f"import sys, motionkit, motionkit.viewer; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert ast.literal_eval(done.stdout) == []
+
+
+def test_what_holds_a_motion_is_told_apart(tmp_path):
+    told = mk.actor.perform("walk", seconds=2)
+    for wrong in (lambda: mk.strip(told), lambda: mk.save(told, tmp_path / "x.bvh"),
+                  lambda: mk.methods.load("statistics").stylize(told, style=told.motion)):  # fmt: skip
+        with pytest.raises(mk.MotionKitError, match="give its .motion"):
+            wrong()
+    assert not list(tmp_path.iterdir())

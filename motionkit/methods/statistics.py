@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from ..contacts import foot_contacts, lock_feet
-from ..errors import MotionKitError
+from ..errors import MotionKitError, motion_inside
 from ..features import FacingFree
 from ..features.bones import bone_directions, bone_names, turn_bones
 from ..motion import Motion
@@ -98,11 +98,12 @@ class Statistics:
 
     def _check(self, content: Motion, style: Motion) -> None:
         if not isinstance(content, Motion):
-            raise MotionKitError(f"the content must be a Motion, such as mk.load('walk.bvh'); found {content!r}")
+            hint = motion_inside(content)
+            raise MotionKitError(f"the content must be a Motion, such as mk.load('walk.bvh'); found {content!r}{hint}")
         if not isinstance(style, Motion):
             raise MotionKitError(
                 f"statistics transfer takes its style from a motion: stylize(content, style=mk.load('style.bvh')); "
-                f"found {style!r}. Labels and sentences need a trained method"
+                f"found {style!r}{motion_inside(style)}. Labels and sentences need a trained method"
             )
         for what, motion in (("content", content), ("style", style)):
             if len(motion) < 2:

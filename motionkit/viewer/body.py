@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import MotionKitError
+from ..errors import MotionKitError, motion_inside
 from . import colours
 
 LAYOUTS = ("side", "overlay")
@@ -64,7 +64,8 @@ def as_list(motions: object) -> list:
         raise MotionKitError("nothing to show: expected a motion or a list of motions, found an empty list")
     for m in found:
         if not hasattr(m, "positions") or not hasattr(m, "skeleton"):
-            raise MotionKitError(f"expected a Motion, found {type(m).__name__}; read a file with motionkit.load(path)")
+            hint = motion_inside(m) or "; read a file with motionkit.load(path)"
+            raise MotionKitError(f"expected a Motion, found {type(m).__name__}{hint}")
         if len(m) == 0:
             raise MotionKitError(f"motion {m.name!r} has no frames; expected at least one to show")
     return found
