@@ -42,3 +42,17 @@ def captures_dir(captures: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
                 (folder / name).write_bytes(archive.read(member))
     assert {path.name for path in folder.iterdir()} == wanted
     return folder
+
+
+@pytest.fixture
+def nothing_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cache of the test's own, and no captures named."""
+    monkeypatch.setenv("MOTIONKIT_CACHE", str(tmp_path / "cache"))
+    monkeypatch.delenv("MOTIONKIT_DATA", raising=False)
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """An empty folder for a test to put clips in."""
+    (tmp_path / "data").mkdir()
+    return tmp_path / "data"

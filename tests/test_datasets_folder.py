@@ -1,7 +1,6 @@
 """The reader of anybody's BVH files: labels by a pattern or from a table."""
 
 import zipfile
-from pathlib import Path
 
 import pytest
 from small_files import fails, write, zipped
@@ -10,17 +9,7 @@ from test_bvh import CHAIN
 import motionkit as mk
 from motionkit.datasets import folder
 
-
-@pytest.fixture(autouse=True)
-def nothing_set(tmp_path, monkeypatch):
-    monkeypatch.setenv("MOTIONKIT_CACHE", str(tmp_path / "cache"))
-    monkeypatch.delenv("MOTIONKIT_DATA", raising=False)
-
-
-@pytest.fixture
-def root(tmp_path) -> Path:
-    (tmp_path / "data").mkdir()
-    return tmp_path / "data"
+pytestmark = pytest.mark.usefixtures("nothing_set")
 
 
 def test_folder_by_pattern(root, tmp_path):

@@ -11,17 +11,7 @@ from small_files import fails, write, zipped
 import motionkit as mk
 from motionkit.datasets import humanml3d_files
 
-
-@pytest.fixture(autouse=True)
-def nothing_set(tmp_path, monkeypatch):
-    monkeypatch.setenv("MOTIONKIT_CACHE", str(tmp_path / "cache"))
-    monkeypatch.delenv("MOTIONKIT_DATA", raising=False)
-
-
-@pytest.fixture
-def root(tmp_path) -> Path:
-    (tmp_path / "data").mkdir()
-    return tmp_path / "data"
+pytestmark = pytest.mark.usefixtures("nothing_set")
 
 
 @pytest.fixture(scope="module")

@@ -12,17 +12,7 @@ from test_bvh import CHAIN
 import motionkit as mk
 from motionkit.datasets import bandai, captions, places, style100, xia
 
-
-@pytest.fixture(autouse=True)
-def nothing_set(tmp_path, monkeypatch):
-    monkeypatch.setenv("MOTIONKIT_CACHE", str(tmp_path / "cache"))
-    monkeypatch.delenv("MOTIONKIT_DATA", raising=False)
-
-
-@pytest.fixture
-def root(tmp_path) -> Path:
-    (tmp_path / "data").mkdir()
-    return tmp_path / "data"
+pytestmark = pytest.mark.usefixtures("nothing_set")
 
 
 NAMES = ["dataset-2_run_exhausted_003", "dataset-2_walk_normal_001", "dataset-2_wave-left-hand_elderly_012"]

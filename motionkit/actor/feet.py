@@ -18,6 +18,7 @@ from .style import Style
 # rolls, how fast it goes on rolling in the air, and the shares of a swing in which it gathers speed and stops.
 _LANDING, _LEAVING, _LATE, _ON, _RISE, _FALL = 0.28, 0.291, 2.264, 4.323, 0.419, 0.344
 
+_ANKLE = 0.039  # how high a standing ankle is, shares of the height
 _FLAT = 0.02  # radians of pitch at which a foot still counts as flat: its ankle is within a millimetre or two
 
 
@@ -94,15 +95,10 @@ def _swing_pitch(v: Tensor, here: dict, there: dict) -> Tensor:
     return (2 * v3 - 3 * v2 + 1) * start + (v3 - 2 * v2 + v) * rate + (3 * v2 - 2 * v3) * end + lifted
 
 
-def _arms(performer: Performer) -> tuple[Tensor, Tensor, Tensor]:
-    """From the ankle to the ball and to the heel, and under the ankle to the ground, [3] metres each."""
+def _arms(performer: Performer) -> tuple[Tensor, Tensor]:
+    """From the ankle to the ball of the foot and to the heel on the ground, [3] metres each."""
     ball = performer.skeleton.offsets[performer.skeleton.index("left_foot")] * torch.tensor([0.0, 1.0, 1.0])
-    ground = -(performer.height - _straight(performer))
-    return ball, torch.tensor([0.0, ground, -HEEL * performer.height]), torch.tensor([0.0, ground, 0.0])
-
-
-def _straight(performer: Performer) -> float:
-    return performer.height * (1 - 0.039)
+    return ball, torch.tensor([0.0, -_ANKLE, -HEEL]) * performer.height
 
 
 def _turn(yaw: Tensor, pitch: Tensor) -> Tensor:
@@ -118,11 +114,11 @@ def _pivoted(ground: Tensor, yaw: Tensor, pitch: Tensor, arm: Tensor) -> Tensor:
 
 
 def _level(x: Tensor, z: Tensor, performer: Performer) -> Tensor:
-    return torch.stack((x, torch.full_like(x, 0.039 * performer.height), z), 1)
+    return torch.stack((x, torch.full_like(x, _ANKLE * performer.height), z), 1)
 
 
 def _planted_ankle(here: dict, pitch: Tensor, performer: Performer) -> Tensor:
-    ball, heel, _ = _arms(performer)
+    ball, heel = _arms(performer)
     flat = _level(here["x"], here["z"], performer)
     over_ball = _pivoted(flat, here["yaw"], pitch, ball)
     over_heel = _pivoted(flat, here["yaw"], pitch, heel)
@@ -133,7 +129,7 @@ def _flying_ankle(
     v: Tensor, eased: Tensor, yaw: Tensor, pitch: Tensor, here: dict, there: dict, performer: Performer
 ) -> Tensor:
     """The ball of the foot goes from where it left to where it lands; the ankle follows from the pitch."""
-    ball, _, _ = _arms(performer)
+    ball, _ = _arms(performer)
     ball = ball.to(v)
     leave = _planted_ankle(here, there["pitch_lift"], performer)
     leave = leave + rot.quaternion_rotate(_turn(here["yaw"], there["pitch_lift"]), ball.expand(len(v), 3))

@@ -40,7 +40,7 @@ def _jump(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None
     sink = -deep * ramp(at, b, 0.3, 1.4)
     rise = torch.where(b < 1.4, sink, _arrive(b, 1.4, up, -deep, toes, 4 * height))
     absorb = _arrive(2 * down - b, down - 0.55, down, -0.75 * deep, toes, 4 * height)
-    landed = torch.where(b < down + 0.55, absorb, -0.75 * deep * (1 - smooth_after(b, down + 0.55, 4.7)))
+    landed = torch.where(b < down + 0.55, absorb, -0.75 * deep * (1 - _settled(b, down + 0.55, 4.7)))
     path = torch.where(b < up, rise, torch.where(b > down, landed, toes + 4 * height * flight * (1 - flight)))
     curves.add("root.up", torch.where((b > 0) & (b < 4.8), path, torch.zeros_like(b)))
     bend = hold(at, b, (0.3, 1.4), (1.5, 2.05)) + 0.7 * hold(at, b, (2.9, 3.45), (3.6, 4.7))
@@ -56,7 +56,7 @@ def _jump(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None
         curves.add(f"{side}.out", 0.15 * forward)
 
 
-def smooth_after(b: Tensor, start: float, stop: float) -> Tensor:
+def _settled(b: Tensor, start: float, stop: float) -> Tensor:
     """0 to 1 between two beats whatever the style."""
     x = ((b - start) / (stop - start)).clamp(0, 1)
     return x * x * (3 - 2 * x)

@@ -22,7 +22,7 @@ from .paths import checked_path
 from .pose import assemble
 from .presets import style_named
 from .route import plan_route
-from .score import WALKS, Score, compose, contents_of
+from .score import Score, compose, contents_of
 from .steps import SIDES, Planner
 from .style import Style
 
@@ -217,6 +217,3 @@ def realise(
     feet = {side: move_foot(plants[side], beats, own, person) for side in SIDES}
     contacts = torch.cat([feet[side].stands for side in SIDES], 1)
     return assemble(at, curves, feet, fps), contacts, beats
-
-
-__all__ = ["WALKS", "Performance", "perform", "realise", "retell"]

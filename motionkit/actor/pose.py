@@ -9,6 +9,7 @@ from torch import Tensor
 
 from .. import rotations as rot
 from ..motion import Motion
+from .clock import jump_height
 from .feet import FootMotion
 from .gestures import kick_target
 from .layers import Curves, Moment
@@ -89,8 +90,6 @@ def _ankles(
     at: Moment, feet: dict[str, FootMotion], root: Tensor, hips: Tensor, heading: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Where the ankles go [F, 2, 3] and how the feet are turned [F, 2, 4]: as planned, in flight, or kicking."""
-    from .clock import jump_height
-
     ankles = torch.stack([feet[side].ankle for side in SIDES], 1)
     turns = torch.stack([feet[side].turn for side in SIDES], 1)
     forward = torch.stack((torch.sin(heading), torch.zeros_like(heading), torch.cos(heading)), 1)
