@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from ..errors import MotionKitError
+from .checks import needs_finite, needs_tensor
 
 
 def local_diversity(result: Tensor, source: Tensor, length: int = 15) -> float:
@@ -51,6 +52,8 @@ def global_diversity(result: Tensor, source: Tensor, shortest: int = 30) -> floa
 
 def _costs(result: Tensor, source: Tensor, length: int) -> Tensor:
     """Mean square distance of every frame to every frame, [F, G] float64."""
+    for name, features in (("result", result), ("source", source)):
+        needs_tensor("diversity", f"features of the {name} [F, D]", features)
     if result.ndim != 2 or source.ndim != 2 or result.shape[1] != source.shape[1]:
         raise MotionKitError(
             f"diversity: expected features [F, D] and [G, D]; found {list(result.shape)} and {list(source.shape)}"
@@ -59,6 +62,8 @@ def _costs(result: Tensor, source: Tensor, length: int) -> Tensor:
         raise MotionKitError(
             f"diversity: windows of {length} frames need motions as long; found {len(result)} and {len(source)} frames"
         )
+    needs_finite("diversity", "the result", result)
+    needs_finite("diversity", "the source", source)
     return ((result.double()[:, None] - source.double()) ** 2).mean(-1)
 
 

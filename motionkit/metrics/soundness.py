@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import torch
 
-from ..errors import MotionKitError
 from ..motion import Motion
+from .checks import needs_motion
 
 
 def jitter(motion: Motion) -> float:
@@ -18,9 +18,7 @@ def jitter(motion: Motion) -> float:
     >>> jitter(walk.replace(rotations=walk.rotations[:1].expand_as(walk.rotations))) < jitter(walk)
     True
     """
-    if len(motion) < 4:
-        raise MotionKitError(f"jitter: {motion!r} has {len(motion)} frames; four are the least")
-    places = motion.positions().double()
+    places = needs_motion("jitter", motion, frames=4).positions().double()
     jerk = (places[3:] - 3 * places[2:-1] + 3 * places[1:-2] - places[:-3]) * motion.fps**3
     return float(torch.linalg.vector_norm(jerk, dim=-1).mean())
 
@@ -28,14 +26,15 @@ def jitter(motion: Motion) -> float:
 def bone_length_error(motion: Motion) -> float:
     """The largest difference of a bone's length from the skeleton's, millimetres, over all bones and frames.
 
-    Helper joints above the pelvis, from which it moves freely, are no bones.
+    Helper joints above the pelvis, from which it moves freely, are no bones. Raises MotionKitError for a motion without
+    frames.
 
     >>> import motionkit as mk
     >>> bone_length_error(mk.load("data/actor/walk_neutral.bvh")) < 0.01
     True
     """
-    motion = motion.body()
-    if len(motion.skeleton) < 2 or not len(motion):
+    motion = needs_motion("bone length error", motion).body()
+    if len(motion.skeleton) < 2:
         return 0.0
     places, parents = motion.positions().double(), list(motion.skeleton.parents[1:])
     lengths = torch.linalg.vector_norm(places[:, 1:] - places[:, parents], dim=-1)
@@ -46,13 +45,12 @@ def bone_length_error(motion: Motion) -> float:
 def penetration(motion: Motion, ground: float = 0.0) -> float:
     """How deep the lowest joint of any frame is under the ground, millimetres; 0 where all stay above.
 
-    ground: its height, metres.
+    ground: its height, metres. Raises MotionKitError for a motion without frames.
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
     >>> penetration(walk), round(penetration(walk, ground=walk.positions()[..., 1].min().item() + 0.05))
     (0.0, 50)
     """
-    if not len(motion):
-        return 0.0
-    return 1000 * max(0.0, ground - float(motion.positions()[..., 1].min()))
+    lowest = float(needs_motion("penetration", motion).positions()[..., 1].min())
+    return 1000 * max(0.0, ground - lowest)

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ..errors import MotionKitError
 from ..motion import Motion
+from .checks import needs_motion, needs_tensor
 
 EDGES = (0.3, 1.3, 2.6, 5.2, 10.0)  # Hz: about the cycle of a walk, its steps, and the octaves above
 
@@ -23,6 +24,8 @@ def bands(curves: Tensor, fps: float) -> Tensor:
     >>> bands(2 + torch.sin(2 * torch.pi * 2.0 * t), 30).round(decimals=2)
     tensor([2.0000, 0.0000, 0.7100, 0.0000, 0.0000])
     """
+    if needs_tensor("bands", "curves [F, ...]", curves).ndim == 0:
+        raise MotionKitError("bands: expected curves [F, ...]; found a single number")
     if len(curves) < fps / EDGES[0] / 2 or fps < 2 * EDGES[-1]:
         raise MotionKitError(
             f"bands: {len(curves)} frames at {fps:g} fps do not tell swings of {EDGES[0]} to {EDGES[-1]} Hz; give at "
@@ -46,6 +49,7 @@ def speed_bands(motion: Motion, joints: Sequence[str] | None = None) -> Tensor:
     >>> speed_bands(actor.perform("walk", seed=1, seconds=4).motion, ["pelvis", "left_ankle"]).shape
     torch.Size([2, 5])
     """
+    needs_motion("speed bands", motion)
     chosen = range(len(motion.skeleton)) if joints is None else [motion.skeleton.index(j) for j in joints]
     places = motion.positions()[:, list(chosen)]
     return bands(torch.linalg.vector_norm(places[1:] - places[:-1], dim=-1) * motion.fps, motion.fps)

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from .. import rotations as rot
 from ..actor import Performance
-from ..errors import MotionKitError
+from ..errors import MotionKitError, motion_inside
 from ..motion import Motion, facing_of
 
 
@@ -32,7 +32,8 @@ def truth_error(
     kinds = (("result", result, Motion), ("truth", truth, Performance), ("content", content, Performance))
     for what, given, kind in kinds:
         if not isinstance(given, kind):
-            raise MotionKitError(f"truth_error: {what} must be a {kind.__name__}; found {given!r}")
+            hint = motion_inside(given) if kind is Motion else ""
+            raise MotionKitError(f"truth_error: {what} must be a {kind.__name__}; found {given!r}{hint}")
     if truth.score is not content.score:
         raise MotionKitError(
             f"truth_error: {truth!r} is no retelling of {content!r}; make it with actor.retell(content, style)"
