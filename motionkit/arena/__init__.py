@@ -1,0 +1,1 @@
+"""One benchmark that runs any method on any data set."""
