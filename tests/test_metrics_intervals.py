@@ -24,6 +24,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     wide = metrics.bootstrap(torch.mean, noise(20), level=0.99)
     narrow = metrics.bootstrap(torch.mean, noise(2000), level=0.99)
     assert wide.high - wide.low > 4 * (narrow.high - narrow.low)
+    half = metrics.bootstrap(torch.mean, noise(2000), level=0.5)
+    assert half.high - half.low == pytest.approx(2 * 0.6745 / 2000**0.5, rel=0.15)  # between a normal's quartiles
     assert metrics.bootstrap(torch.mean, noise(30)) == metrics.bootstrap(torch.mean, noise(30))
     paired = metrics.bootstrap(lambda a, b: (a == b).double().mean(), torch.arange(50), torch.arange(50))
     assert paired == (1.0, 1.0, 1.0)  # rows are drawn together
@@ -52,7 +54,7 @@ def test_rows_that_share_clips_are_drawn_with_their_clips():
     for seed in range(tables):
         values, content, style = crossed(size, size, seed)
         for name, groups in (("rows", ()), ("one", content), ("both", (content, style))):
-            found = metrics.bootstrap(torch.mean, values, groups=groups, repeats=200, seed=seed)
+            found = metrics.bootstrap(torch.mean, values, groups=groups, repeats=150, seed=seed)
             inside[name] += found.low <= 0 <= found.high
             widths[name] += (found.high - found.low) / tables
     true_width = 2 * 1.96 * math.sqrt((1.0 + 0.49) / size + 2.25 / size**2)
