@@ -261,7 +261,7 @@ def test_speed_bands_find_swings_where_they_are():
         found = metrics.speed_bands(motion)[0]
         assert found[0] == pytest.approx(2, abs=0.03) and found[band] == pytest.approx(2**-0.5, rel=0.05)
         assert found[1:].argmax() == band - 1 and found[1:].sum() < 1.2 * found[band]
-    reference = torch.arange(101)[:, None] / 100
+    reference = torch.arange(101)[:, None].expand(101, 3) / 100
     assert metrics.within_spread(torch.tensor([0.01, 0.5, 0.99]), reference).tolist() == [False, True, False]
 
 
@@ -302,6 +302,10 @@ def test_other_wrong_types_are_told(walk):
         (lambda: metrics.truth_error(told.motion, told.motion, told), "truth must be a Performance"),
         (lambda: metrics.fmd([1.0], [2.0]), r"a\[0\]: expected a Motion; found a float"),
         (lambda: metrics.fmd(3, 4), "found a int"),
+        (lambda: metrics.within_spread(torch.zeros(2), torch.zeros(9, 3)), r"found \[2\] and \[9, 3\]"),
+        (lambda: metrics.within_spread(torch.zeros(2), walk), "reference .* found a Motion"),
+        (lambda: metrics.repeated_accuracy(None, torch.arange(3)), "of each repeat in a list; found NoneType"),
+        (lambda: metrics.bootstrap(noise(9), noise(9)), "expected a function of the samples first"),
     ):
         with pytest.raises(mk.MotionKitError, match=message):
             call()

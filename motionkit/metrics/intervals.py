@@ -55,6 +55,10 @@ def bootstrap(
     >>> by_ten.high - by_ten.low > 2 * (found.high - found.low)
     True
     """
+    if not callable(statistic):
+        raise MotionKitError(
+            f"bootstrap: expected a function of the samples first, like torch.mean; found {type(statistic).__name__}"
+        )
     count = _rows(samples)
     _check_options(level, repeats)
     factors = _factors(groups, count) or [torch.arange(count)]

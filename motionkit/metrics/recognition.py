@@ -52,6 +52,11 @@ def repeated_accuracy(scores: Sequence[Tensor], labels: Tensor | Sequence[Tensor
     >>> print(repeated_accuracy([torch.eye(4), torch.eye(4).roll(1, 0), torch.eye(4)], torch.arange(4)))
     66.67±57.74
     """
+    for given in (scores, labels):
+        if not isinstance(given, list | tuple | Tensor) or (isinstance(given, Tensor) and not given.ndim):
+            raise MotionKitError(
+                f"repeated accuracy: expected scores and labels of each repeat in a list; found {type(given).__name__}"
+            )
     scores = list(scores)
     each = [labels] * len(scores) if isinstance(labels, Tensor) and labels.ndim == 1 else list(labels)
     if len(each) != len(scores):

@@ -61,5 +61,12 @@ def within_spread(found: Tensor, reference: Tensor, outside: float = 0.05) -> Te
     >>> within_spread(torch.tensor([1.0, 9.0]), torch.arange(100.0)[:, None].expand(100, 2) / 50)
     tensor([ True, False])
     """
+    needs_tensor("within_spread", "numbers [...]", found)
+    needs_tensor("within_spread", "reference [N, ...]", reference)
+    if not reference.ndim or not len(reference) or found.shape != reference.shape[1:]:
+        raise MotionKitError(
+            f"within_spread: expected numbers [...] and those of N clips, [N, ...]; found {list(found.shape)} and "
+            f"{list(reference.shape)}"
+        )
     low, high = (torch.quantile(reference, q, 0) for q in (outside / 2, 1 - outside / 2))
     return (found >= low) & (found <= high)
