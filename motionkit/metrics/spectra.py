@@ -58,6 +58,8 @@ def speed_bands(motion: Motion, joints: Sequence[str] | None = None) -> Tensor:
 def within_spread(found: Tensor, reference: Tensor, outside: float = 0.05) -> Tensor:
     """Whether numbers [...] lie where all but a share `outside` of the reference's clips [N, ...] do: bool [...].
 
+    Raises MotionKitError where the shapes do not fit or there is no clip to compare with.
+
     >>> within_spread(torch.tensor([1.0, 9.0]), torch.arange(100.0)[:, None].expand(100, 2) / 50)
     tensor([ True, False])
     """
