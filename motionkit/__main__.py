@@ -1,4 +1,5 @@
-"""The command line: `python -m motionkit info FILE`, `play FILE`, `stylize IN --style STYLE -o OUT`, `perform WHAT`."""
+"""The command line: `python -m motionkit info FILE`, `play FILE`, `stylize IN --style STYLE -o OUT`, `perform WHAT`,
+`train WHAT --data NAME`."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ import warnings
 import webbrowser
 from pathlib import Path
 
-from . import methods
+from . import datasets, methods
 from .bvh import load, save
 from .errors import MotionKitError
 from .files import MotionKitWarning
@@ -42,6 +43,7 @@ def _parser() -> argparse.ArgumentParser:
     stylize.add_argument("--method", default="statistics", help=f"one of: {', '.join(methods.names())}")
     stylize.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)
     _add_perform(commands)
+    _add_train(commands)
     return parser
 
 
@@ -54,6 +56,27 @@ def _add_perform(commands: argparse._SubParsersAction) -> None:
     perform.add_argument("--seed", type=int, default=0, help="another number, another take")
     perform.add_argument("--performer", help="a person's number, or a creature such as dog or crab")
     perform.add_argument("-o", "--output", required=True, help="the BVH file to write")
+
+
+def _add_train(commands: argparse._SubParsersAction) -> None:
+    train = commands.add_parser("train", help="train what judges results on a dataset, and write weights with a card")
+    train.add_argument("what", choices=["judge", "content", "style", "autoencoder"], help="judge: all three")
+    train.add_argument("--data", default="actor", help=f"one of: {', '.join(datasets.names())}")
+    train.add_argument("--root", help="the folder or zip of the captures, where the dataset needs one")
+    train.add_argument("--config", default="laptop", choices=["tiny", "laptop", "paper"], help="the network's size")
+    train.add_argument("--steps", type=int, help="batches; left out, the recipe's")
+    train.add_argument("--seed", type=int, default=0)
+
+
+def _train(args: argparse.Namespace) -> None:
+    from .judges.recipes import PARTS, train_part
+    from .layers import StGcnConfig
+
+    data, config = datasets.load(args.data, args.root), getattr(StGcnConfig, args.config)()
+    for part in PARTS if args.what == "judge" else [args.what]:
+        command = f"python -m motionkit train {part} --data {args.data} --config {args.config} --seed {args.seed}"
+        command += f" --steps {args.steps}" if args.steps else ""
+        print(train_part(part, data, config, args.steps, args.seed, command))
 
 
 def _info(args: argparse.Namespace) -> None:
@@ -124,7 +147,9 @@ def main(arguments: list[str] | None = None) -> int:
         with warnings.catch_warnings():
             warnings.simplefilter("always", MotionKitWarning)
             warnings.showwarning = lambda message, *_: print(f"motionkit: {message}", file=sys.stderr)
-            {"info": _info, "play": _play, "stylize": _stylize, "perform": _perform}[args.command](args)
+            {"info": _info, "play": _play, "stylize": _stylize, "perform": _perform, "train": _train}[args.command](
+                args
+            )
     except MotionKitError as error:
         print(f"motionkit: {error}", file=sys.stderr)
         return 2

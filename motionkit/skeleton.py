@@ -107,6 +107,18 @@ class Skeleton:
         return tuple(map(tuple, found))
 
     @cached_property
+    def adjacency(self) -> Tensor:
+        """Which joints a bone connects, bool [J, J], symmetric; a joint is no neighbour of itself.
+
+        >>> smpl().adjacency.sum(1)[:4]
+        tensor([3, 2, 2, 2])
+        """
+        found = torch.zeros(len(self), len(self), dtype=torch.bool)
+        for child, parent in enumerate(self.parents[1:], 1):
+            found[child, parent] = found[parent, child] = True
+        return found
+
+    @cached_property
     def levels(self) -> tuple[tuple[int, ...], ...]:
         """Joint numbers by depth: the root alone, then its children, ...; within a level, leaves come last."""
         levels, now = [], [0]
