@@ -87,8 +87,8 @@ class MotionAutoencoder:
         """What the network sees of a motion, [F, J, 4]; MotionKitError on another skeleton."""
         return joint_turns(fitting(motion, self.skeleton, self.fps, "this autoencoder"))
 
-    def features(self, motions: Sequence[Motion]) -> Tensor:
-        """The encoder's last convolution, mean over time: [N, D]; NaN for a motion that is not finite.
+    def features(self, motions: Sequence[Motion | None]) -> Tensor:
+        """The encoder's last convolution, mean over time: [N, D]; NaN for None.
 
         Raises MotionKitError for another skeleton.
         """

@@ -51,10 +51,10 @@ class Classifier:
         x = joint_numbers(fitting(motion, self.skeleton, self.fps, f"this {self.label} classifier"))
         return x if self.moving else x[..., :3]
 
-    def scores_and_features(self, motions: Sequence[Motion]) -> tuple[Tensor, Tensor]:
-        """Log-probabilities [N, C], and the last pooling layer [N, D], of N motions; NaN for one that is not finite.
+    def scores_and_features(self, motions: Sequence[Motion | None]) -> tuple[Tensor, Tensor]:
+        """Log-probabilities [N, C], and the last pooling layer [N, D], of N motions; NaN for None.
 
-        Raises MotionKitError for another skeleton, or where no motion is finite.
+        Raises MotionKitError for another skeleton, or where there is no motion at all.
         """
         motions = several(motions)
         self.network.eval()
@@ -65,11 +65,11 @@ class Classifier:
         pooled = self.network.pooled(windows.permute(0, 3, 1, 2))
         return torch.cat((self.network.classify(pooled).log_softmax(1), pooled), 1)
 
-    def scores(self, motions: Sequence[Motion]) -> Tensor:
+    def scores(self, motions: Sequence[Motion | None]) -> Tensor:
         """Log-probabilities of the classes, mean over windows: [N, C]; see `scores_and_features`."""
         return self.scores_and_features(motions)[0]
 
-    def features(self, motions: Sequence[Motion]) -> Tensor:
+    def features(self, motions: Sequence[Motion | None]) -> Tensor:
         """The last pooling layer, mean over windows: [N, D], what FMD measures in (papers 1, 3 and 4)."""
         return self.scores_and_features(motions)[1]
 

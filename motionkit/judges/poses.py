@@ -39,7 +39,7 @@ def fitting(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
     return body if body.fps == fps else body.resample(fps)
 
 
-def several(motions: Sequence[Motion]) -> list[Motion]:
+def several(motions: Sequence[Motion | None]) -> list[Motion | None]:
     """The motions as a list; MotionKitError for a single one, or none."""
     if isinstance(motions, Motion):
         raise MotionKitError("a judge takes several motions: give a list, [motion] for one")
@@ -88,27 +88,34 @@ def cut(frames: int, length: int = WINDOW, stride: int = STRIDE) -> list[int]:
 
 @torch.no_grad()
 def over_windows(
-    motions: Sequence[Motion], numbers: Callable[[Motion], Tensor], network: Callable[[Tensor], Tensor], length: int
+    motions: Sequence[Motion | None],
+    numbers: Callable[[Motion], Tensor],
+    network: Callable[[Tensor], Tensor],
+    length: int,
 ) -> Tensor:
     """What a network says of motions, the mean over each one's windows: [N, D].
 
-    numbers: a motion to [F, ...]; network: windows [B, F, ...] to [B, D]. A motion that is not finite gets NaN.
+    numbers: a motion to [F, ...]; network: windows [B, F, ...] to [B, D]. None, a result that is
+    missing, gets NaN.
     """
     found: list[Tensor | None] = []
     for start in range(0, len(motions), 64):
         found += _chunk(motions[start : start + 64], numbers, network, length)
     there = next((x for x in found if x is not None), None)
     if there is None:
-        raise MotionKitError(f"none of the {len(motions)} motions given to a judge is finite; there is nothing to see")
+        raise MotionKitError(f"all {len(motions)} motions given to a judge are None; there is nothing to see")
     return torch.stack([torch.full_like(there, torch.nan) if x is None else x for x in found])
 
 
 def _chunk(
-    motions: Sequence[Motion], numbers: Callable[[Motion], Tensor], network: Callable[[Tensor], Tensor], length: int
+    motions: Sequence[Motion | None],
+    numbers: Callable[[Motion], Tensor],
+    network: Callable[[Tensor], Tensor],
+    length: int,
 ) -> list[Tensor | None]:
     windows: dict[int, list[tuple[int, Tensor]]] = {}  # by their length
     for n, motion in enumerate(motions):
-        if not (torch.isfinite(motion.rotations).all() and torch.isfinite(motion.translations).all()):
+        if motion is None:
             continue
         x = numbers(motion)
         for start in cut(len(x), length):
