@@ -108,10 +108,22 @@ def _called(function: Callable, sent: Shared, task: Sequence) -> object:
 
 
 def _alone(function: Callable, shared: object, task: Sequence) -> object:
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # one process a core; and sums come out the same to the last digit however many work
-    try:
+    with one_thread():  # one process a core
         return function(shared, task)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Torch computes on one thread: sums come out the same to the last digit, and small ones sooner.
+
+    >>> with one_thread():
+    ...     torch.get_num_threads()
+    1
+    """
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
     finally:
         torch.set_num_threads(threads)
 
