@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import inspect
 import sys
 import warnings
 import webbrowser
@@ -111,7 +112,10 @@ def _stylize(args: argparse.Namespace) -> None:
     output = _fresh(args.output, ".bvh", [args.input, args.style])
     method = methods.load(args.method)
     content, style = load(args.input, args.metres_per_unit), load(args.style, args.metres_per_unit)
-    print(save(method.stylize(content, style=style, strength=args.strength), output))
+    options = {} if args.strength == 1 else {"strength": args.strength}
+    if options and "strength" not in inspect.signature(method.stylize).parameters:
+        raise MotionKitError(f"method {args.method!r} has no strength; leave --strength out")
+    print(save(method.stylize(content, style=style, **options), output))
 
 
 def _perform(args: argparse.Namespace) -> None:

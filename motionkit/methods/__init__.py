@@ -2,17 +2,24 @@
 
 >>> import motionkit as mk
 >>> mk.methods.names()
-['statistics']
+['copy-content', 'copy-style', 'knn-dtw', 'linear', 'statistics']
 """
 
 from __future__ import annotations
 
 import difflib
 import importlib
+import inspect
 
 from ..errors import MotionKitError
 
-_METHODS = {"statistics": ("statistics", "Statistics")}
+_METHODS = {
+    "copy-content": ("copying", "CopyContent"),
+    "copy-style": ("copying", "CopyStyle"),
+    "knn-dtw": ("neighbours", "KnnDtw"),
+    "linear": ("linear", "Linear"),
+    "statistics": ("statistics", "Statistics"),
+}
 
 
 def names() -> list[str]:
@@ -20,15 +27,28 @@ def names() -> list[str]:
     return sorted(_METHODS)
 
 
-def load(name: str):
-    """A method by name, ready to use; MotionKitError names the nearest ones if there is none of that name.
+def load(name: str, **options):
+    """A method by name, ready to use. options: what the method's class takes, such as `library=` of `knn-dtw`.
+
+    Raises MotionKitError that names the nearest ones if there is none of that name, and for options it does not take.
 
     >>> load("statistics").name
     'statistics'
     """
+    if not isinstance(name, str):
+        hint = "; several are [mk.methods.load(n) for n in names]" if isinstance(name, list | tuple | set) else ""
+        raise MotionKitError(f"a method is loaded by its name, one of {', '.join(names())}; found {name!r}{hint}")
     if name not in _METHODS:
-        near = difflib.get_close_matches(str(name), _METHODS, 1, 0.3)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise MotionKitError(f"no method {name!r}{hint or '.'} Known: {', '.join(names())}")
+        near = difflib.get_close_matches(name, _METHODS, 1, 0.3)
+        hint = f"; did you mean {near[0]!r}?" if near else "."
+        raise MotionKitError(f"no method {name!r}{hint} Known: {', '.join(names())}")
     module, cls = _METHODS[name]
-    return getattr(importlib.import_module(f".{module}", __name__), cls)()
+    method = getattr(importlib.import_module(f".{module}", __name__), cls)
+    takes = list(inspect.signature(method).parameters)
+    for option in options:
+        if option not in takes:
+            raise MotionKitError(
+                f"method {name!r} has no option {option!r}; it takes {', '.join(takes) or 'none'}. What concerns one "
+                "transfer, such as strength, goes to stylize"
+            )
+    return method(**options)
