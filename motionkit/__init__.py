@@ -25,6 +25,7 @@ _LAZY = {
     "strip": "viewer",
     "rotations": None,
     "kinematics": None,
+    "layers": None,
     "features": None,
     "actor": None,
     "checkpoints": None,
@@ -37,6 +38,7 @@ _LAZY = {
     "retarget": "retargeting",
     "viewer": None,
     "exercises": None,
+    "training": None,
 }
 
 __all__ = [
@@ -55,6 +57,7 @@ __all__ = [
     "features",
     "judges",
     "kinematics",
+    "layers",
     "load",
     "methods",
     "metrics",
@@ -63,6 +66,7 @@ __all__ = [
     "save",
     "scene",
     "strip",
+    "training",
     "viewer",
 ]
 

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from . import rotations as rot
+from .alignment import dtw_costs
 from .contacts import foot_sliding
 from .errors import MotionKitError
 from .features import HumanML3D
@@ -98,6 +99,42 @@ def _balanced_chances(labels: Tensor) -> Tensor:
     return 1 / (count[group] * len(count))
 
 
+def _narrow() -> list[tuple]:
+    """Features [N, D], [M, D] of two crowds: two clouds, one against itself, and one that is only wider."""
+    a, b = _random(60, 4), 2 * _random(50, 4, seed=1) + torch.tensor([1.0, 0.0, -1.0, 0.0])
+    return [(a, b), (a, a), (a - a.mean(0), 3 * (a - a.mean(0)))]
+
+
+def _frechet_by_number(a: Tensor, b: Tensor) -> Tensor:
+    """The Fréchet distance of two crowds whose numbers are taken one by one, as if none went with another."""
+    return ((a.mean(0) - b.mean(0)) ** 2 + (a.std(0) - b.std(0)) ** 2).sum()
+
+
+def _judged() -> list[tuple]:
+    """Found and true labels: as many of each, one class far larger, and a class that is never right."""
+    wanted = torch.tensor([0] * 8 + [1] * 2)
+    return [
+        (torch.tensor([0, 1, 1, 0]), torch.tensor([0, 0, 1, 1])),
+        (torch.zeros(10).long(), wanted),
+        (torch.tensor([4, 4, 7, 7, 4]), torch.tensor([4, 4, 7, 4, 9])),
+    ]
+
+
+def _fair_accuracy(found: Tensor, wanted: Tensor) -> Tensor:
+    """The mean over the classes that occur of the share of each that was found, 0 to 1."""
+    return torch.stack([(found[wanted == c] == c).double().mean() for c in wanted.unique()]).mean()
+
+
+def _costs() -> list[tuple]:
+    """Costs [F, G]: one way for free, and random ones, square and not."""
+    return [(1 - torch.eye(5),), (_random(6, 6).abs(),), (_random(4, 9, seed=1).abs(),)]
+
+
+def _warp_cost(costs: Tensor) -> Tensor:
+    """What the cheapest path costs, from the first pair of frames to the last."""
+    return dtw_costs(costs[None])[0]
+
+
 _EXERCISES = {
     "swing_angle": Exercise(
         rot.quaternion_angle,
@@ -151,6 +188,24 @@ _EXERCISES = {
         lambda: [(torch.tensor([0, 0, 0, 1]),), (torch.tensor([2, 5, 5, 2, 2, 9]),), (torch.tensor([3]),)],
         "every label that occurs gets the same share, and its samples divide that among them; all add up to 1, and "
         "labels need not be 0, 1, 2",
+    ),
+    "frechet_by_number": Exercise(
+        _frechet_by_number,
+        _narrow,
+        "for each number the difference of the means, squared, plus the difference of the standard deviations (not of "
+        "the variances), squared; torch's std divides by N - 1; then the sum over all numbers",
+    ),
+    "fair_accuracy": Exercise(
+        _fair_accuracy,
+        _judged,
+        "first the share of each class that was found, then the mean over the classes that occur in `wanted`; each "
+        "class counts the same, however large it is; a share from 0 to 1",
+    ),
+    "warp_cost": Exercise(
+        _warp_cost,
+        _costs,
+        "best[i, j] = costs[i, j] + the least of best[i - 1, j], best[i, j - 1] and best[i - 1, j - 1]; the first row "
+        "and column have one way only",
     ),
 }
 

@@ -1,5 +1,5 @@
 """Network parts that methods and judges share."""
 
-from .stgcn import StGcn, StGcnConfig, spatial_partitions
+from .stgcn import StGcn, StGcnBlock, StGcnConfig, spatial_partitions
 
-__all__ = ["StGcn", "StGcnConfig", "spatial_partitions"]
+__all__ = ["StGcn", "StGcnBlock", "StGcnConfig", "spatial_partitions"]

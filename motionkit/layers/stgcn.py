@@ -103,14 +103,17 @@ class StGcnBlock(nn.Module):
         else:
             self.shortcut = nn.Sequential(nn.Conv2d(inputs, outputs, 1, (stride, 1)), nn.BatchNorm2d(outputs))
 
-    def forward(self, x: Tensor) -> Tensor:
-        """x: [B, C, F, J], quickest with the channels last in memory."""
+    def over_graph(self, x: Tensor) -> Tensor:
+        """The graph convolution alone, [B, C, F, J] to [B, C', F, J]: each joint hears its neighbours."""
         batch, _, frames, joints = x.shape
         sets = self.spatial(x.permute(0, 2, 3, 1))  # [B, F, J, 3 C']
         sets = sets.reshape(batch * frames, joints * len(self.graph), -1)  # [B F, J 3, C']
         weights = (self.graph * self.importance).permute(1, 2, 0).flatten(1)  # [J, J 3]
-        gathered = (weights @ sets).reshape(batch, frames, joints, -1).permute(0, 3, 1, 2)  # [B, C', F, J]
-        y = self.temporal(gathered)
+        return (weights @ sets).reshape(batch, frames, joints, -1).permute(0, 3, 1, 2)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """x: [B, C, F, J], quickest with the channels last in memory."""
+        y = self.temporal(self.over_graph(x))
         return torch.relu(y if self.shortcut is None else y + self.shortcut(x))
 
 
