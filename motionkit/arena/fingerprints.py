@@ -132,7 +132,7 @@ def _called(thing: object, seen: dict[int, object]) -> Iterator[bytes]:
         for name, value in sorted(vars(thing).items()):
             if isinstance(value, staticmethod | classmethod | property | functools.cached_property):
                 value = getattr(value, "__func__", None) or getattr(value, "fget", None) or getattr(value, "func", None)
-            if isinstance(value, types.FunctionType | (*_PLAIN, tuple, list, dict)) and name not in _NAMES:
+            if isinstance(value, (types.FunctionType, *_PLAIN, tuple, list, dict)) and name not in _NAMES:
                 yield name.encode()
                 yield from _parts(value, seen)
         for base in thing.__bases__:

@@ -9,7 +9,7 @@ from pathlib import Path
 import torch
 
 from ..actor import Performance, retell
-from ..datasets import Clip, Dataset, made
+from ..datasets import Clip, Dataset, Item, made
 from ..errors import MotionKitError
 from ..metrics.truth import _from_own_place
 from ..motion import Motion
@@ -28,7 +28,7 @@ class Truths:
         """The answers for a data set of the performer's, whole or in part; None for any other."""
         if dataset.name not in made.TAKES:
             return None
-        known, found = {item.name: item for item in made.items(dataset.name)}, {}
+        known, found = _items(dataset.name), {}
         for clip in dataset:
             item = known.get(clip.name)
             if item is None or (item.labels.content, item.labels.style) != (clip.content, clip.style):
@@ -54,6 +54,11 @@ class Truths:
             return None
         kept.save_result(path, told, content.motion, {})
         return kept.load_result(path, content.motion)[0]
+
+
+@lru_cache(maxsize=4)
+def _items(name: str) -> dict[str, Item]:
+    return {item.name: item for item in made.items(name)}
 
 
 @lru_cache(maxsize=128)
