@@ -302,8 +302,7 @@ def test_keys_change_with_what_a_method_is():
 
 def test_keys_are_the_same_in_every_process():
     things = "(f(lab.moody), f(lab.Counting('x')), f(mk.methods.load('statistics')), f({'a', 'b', 'c'}))"
-    code = "import arena_lab as lab, motionkit as mk\nfrom motionkit.arena.fanning import one_thread
-from motionkit.arena.fingerprints import *\nf = fingerprint\n"
+    code = "import arena_lab as lab, motionkit as mk\nfrom motionkit.arena.fingerprints import *\nf = fingerprint\n"
     paths = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
     environment = {**os.environ, "PYTHONPATH": paths, "PYTHONHASHSEED": "7"}
     command = [sys.executable, "-c", f"{code}print({things})"]
