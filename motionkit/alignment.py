@@ -149,10 +149,10 @@ def smoothed(curves: Tensor, sigma: float) -> Tensor:
 
 
 def movement(motion: Motion, centred: bool = True) -> Tensor:
-    """What alignment compares, [F, 6J]: places and speeds of the joints seen from the body, in shares of its height.
+    """What frames are compared by, [F, 6J]: places and speeds of joints seen from the body, in shares of its height.
 
-    centred: each place is taken from its mean over the clip, since how somebody holds himself all the time says nothing
-    about when he does what.
+    centred: for alignment, each place is taken from its mean over the clip and all is scaled to mean square 1, since
+    how somebody holds himself, and how large he moves, says nothing about when he does what.
 
     >>> import motionkit as mk
     >>> movement(mk.load("data/actor/walk_neutral.bvh")).shape
@@ -163,7 +163,8 @@ def movement(motion: Motion, centred: bool = True) -> Tensor:
     root = places[:, motion.skeleton.pelvis] * places.new_tensor([1.0, 0.0, 1.0])
     seen = rot.quaternion_rotate(back, places - root[:, None]).flatten(1) / max(motion.skeleton.height, 1e-6)
     speed = torch.gradient(seen, dim=0)[0] if len(seen) > 1 else torch.zeros_like(seen)
-    return torch.cat((seen - seen.mean(0) if centred else seen, speed * (_PACE * motion.fps)), 1)
+    found = torch.cat((seen - seen.mean(0) if centred else seen, speed * (_PACE * motion.fps)), 1)
+    return found / found.square().mean().sqrt().clamp(min=1e-4) if centred else found
 
 
 def stall_of(costs: Tensor) -> float:

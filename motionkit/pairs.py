@@ -18,7 +18,7 @@ from .datasets import Dataset
 from .datasets import load as load_dataset
 from .errors import MotionKitError
 from .motion import Motion
-from .restyling import Memory, body_of, fitting, key_of, on_body, placed, same_rest
+from .restyling import Memory, body_of, fitting, key_of, on_body, placed, rest_key, same_rest
 
 NEUTRAL = ("neutral", "normal")  # what data sets call the style of their neutral clips
 _COARSE, _FINE = 4, 12  # many clips are first compared in every fourth frame; so many are then looked at closely
@@ -41,11 +41,13 @@ class Pair:
         """`movement` of the styled and of the neutral motion, [F, 6J] each: by what frames are found."""
         return movement(self.styled, centred=False), movement(self.neutral, centred=False)
 
+    def fits(self, motion: Motion) -> bool:
+        """Whether poses of the pair mean what they mean for a motion's body."""
+        return all(same_rest(m.skeleton, motion.skeleton) for m in (self.styled, self.neutral))
+
     def like(self, motion: Motion) -> Pair:
-        """The pair on a body like that of a motion; itself if it is on one. MotionKitError if it cannot be."""
-        if all(same_rest(m.skeleton, motion.skeleton) for m in (self.styled, self.neutral)):
-            return self
-        return Pair(*(fitting(m, motion) for m in (self.styled, self.neutral)))
+        """The pair on a body like that of a motion; itself if it fits. MotionKitError if it cannot be."""
+        return self if self.fits(motion) else Pair(fitting(self.styled, motion), fitting(self.neutral, motion))
 
 
 def difference(a: Motion, b: Motion) -> Tensor:
@@ -142,13 +144,18 @@ class NeutralPairs:
         """A stored clip without helper joints."""
         return self._clips.get(number, lambda: body_of(self.library.store.recording(number).motion))
 
-    def pair(self, motion: Motion, content: str | None = None) -> Pair:
+    def pair(self, motion: Motion, content: str | None = None, like: Motion | None = None) -> Pair:
         """The nearest neutral clip of the same content, or the nearest segment of it, in the time of a motion.
 
         content: what the motion does; left out, clips of all contents are searched. Where the library's bodies are of
-        another kind, the motion is retargeted to be compared and paired; raises MotionKitError where it cannot be.
+        another kind, the motion is retargeted to be compared and paired; like: a motion on whose kind of body the pair
+        is then wanted. Raises MotionKitError where that cannot be.
         """
-        return self._pairs.get((key_of(motion), content), lambda: self._found(body_of(motion), content))
+        key = key_of(motion), content
+        found = self._pairs.get(key, lambda: self._found(body_of(motion), content))
+        if like is None or found.fits(like):
+            return found
+        return self._pairs.get((*key, rest_key(like.skeleton)), lambda: found.like(like))
 
     def neutral_of(self, motion: Motion, content: str | None = None) -> Motion:
         """The neutral clip of `pair` on the motion's own skeleton: as many frames, starting where the motion starts."""

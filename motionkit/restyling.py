@@ -13,7 +13,8 @@ import torch
 from torch import Tensor
 
 from . import rotations as rot
-from .contacts import foot_contacts, lock_feet
+from .alignment import smoothed
+from .contacts import foot_contacts, lock_feet, two_bone_ik
 from .errors import MotionKitError, motion_inside
 from .features.frames import body_frames
 from .motion import Motion
@@ -21,6 +22,8 @@ from .retargeting import retarget
 from .skeleton import Skeleton
 
 _T = TypeVar("_T")
+_UNDER = 0.01  # metres: feet that go less deep under the ground are let go
+_SOFT = 0.07  # seconds over which a foot that goes deeper is lifted
 
 
 def check_clips(method: str, content: Motion, style: Motion, strength: float = 1.0) -> None:
@@ -107,7 +110,13 @@ def on_body(motion: Motion, like: Motion) -> Motion:
     a, b = motion.skeleton, like.skeleton
     if a is b or (a.same_tree(b) and float((a.offsets - b.offsets).abs().max()) < 1e-5):
         return motion.replace(skeleton=b)
-    return retarget(motion, like)
+    try:
+        return retarget(motion, like)
+    except MotionKitError:
+        if not same_rest(a, b):
+            raise
+    scale = b.height / max(a.height, 1e-6)  # a creature's joints are not those of a person, but these two share theirs
+    return Motion.from_root(b, motion.rotations, motion.translations[:, 0] * scale, motion.fps, name=motion.name)
 
 
 def velocity_factor(motion: Motion) -> float:
@@ -203,7 +212,7 @@ def placed(body: Motion, content: Motion) -> Motion:
 
 
 def on_the_ground(body: Motion, content: Motion) -> Motion:
-    """Standing feet held still, at the height that the content's have, in the frames in which those stand.
+    """Standing feet held still, at the height that the content's have, when those stand; no foot under the ground.
 
     body, content: F frames each on one skeleton. A body without feet is returned as it is.
 
@@ -221,7 +230,27 @@ def on_the_ground(body: Motion, content: Motion) -> Motion:
     higher = (content.positions() - body.positions())[:, [feet[n] for n in tips], 1]
     translations = body.translations.clone()
     translations[:, 0, 1] += (higher[stands[:, tips]] if stands[:, tips].any() else higher).median()
-    return lock_feet(body.replace(translations=translations), stands)
+    return _above_ground(lock_feet(body.replace(translations=translations), stands), content, feet)
+
+
+def _above_ground(body: Motion, content: Motion, feet: list[int]) -> Motion:
+    """Legs bent where a foot joint would be deeper than it ever is in the content: in swing, nobody has held it."""
+    floor = content.positions()[:, feet, 1].amin(0)
+    for side in ("left", "right"):
+        leg = tuple(body.skeleton.roles.get(f"{side}_{r}", -1) for r in ("hip", "knee", "ankle"))
+        if min(leg) < 0 or [body.skeleton.parents[j] for j in leg[1:]] != list(leg[:2]):
+            continue
+        mine = [n for n, j in enumerate(feet) if leg[2] in body.skeleton.chain(j)]
+        places = body.positions()
+        under = (floor[mine] - places[:, [feet[n] for n in mine], 1]).amax(1).clamp(min=0)
+        if under.max() > _UNDER:
+            around = max(1, round(_SOFT * body.fps))
+            most = torch.nn.functional.max_pool1d(under[None, None], 2 * around + 1, 1, around)[0, 0]
+            up = torch.stack(
+                (torch.zeros_like(most), smoothed(most[:, None], around)[:, 0], torch.zeros_like(most)), -1
+            )
+            body = two_bone_ik(body, leg, places[:, leg[2]] + up)
+    return body
 
 
 def named(content: Motion, style: Motion | str) -> str:

@@ -48,6 +48,12 @@ def test_clips(cache):
     return made("tests", range(7, 8))
 
 
+@pytest.fixture(scope="module")
+def learned(library):
+    """The methods that learn, with the library; what they have learned serves all tests."""
+    return {name: mk.methods.load(name).fit(library) for name in LEARNED}
+
+
 def one(dataset, content, style):
     return dataset.filter(content=content, style=style)[0]
 
@@ -68,8 +74,8 @@ def errors(method, pairs):
 
 
 @pytest.mark.parametrize("name", LEARNED)
-def test_results_are_nearer_to_the_exact_answer_than_the_content(name, library, test_clips):
-    method = mk.methods.load(name).fit(library)
+def test_results_are_nearer_to_the_exact_answer_than_the_content(name, learned, test_clips):
+    method = learned[name]
     same = [(one(test_clips, c, "neutral"), one(test_clips, c, s)) for c in CONTENTS for s in ("old", "proud")]
     other = [
         (one(test_clips, "walk", "neutral"), one(test_clips, "jump", "old")),
@@ -83,8 +89,8 @@ def test_results_are_nearer_to_the_exact_answer_than_the_content(name, library, 
 
 
 @pytest.mark.parametrize("name", LEARNED)
-def test_results_are_sound(name, library, test_clips):
-    method = mk.methods.load(name, library=library)
+def test_results_are_sound(name, learned, test_clips):
+    method = learned[name]
     for content, style in ((("walk", "neutral"), ("walk", "old")), (("jump", "old"), ("wave", "proud"))):
         content, style = one(test_clips, *content), one(test_clips, *style)
         out, given = method.transfer(content, style), content.motion
@@ -92,13 +98,13 @@ def test_results_are_sound(name, library, test_clips):
         assert out.name == f"{content.name} as {style.name}"
         assert (out.root_path()[0] - given.root_path()[0]).norm() < 0.02
         assert foot_sliding(out, foot_contacts(given)) < 1.0
-        assert out.positions()[..., 1].min() > given.positions()[..., 1].min() - 0.03
+        assert out.positions()[..., 1].min() > given.positions()[..., 1].min() - 0.02
         assert jitter(out) < 2 * max(jitter(given), jitter(style.motion))
 
 
 @pytest.mark.parametrize("name", LEARNED)
-def test_strength_goes_from_the_content_to_the_style(name, library, test_clips):
-    method, content = mk.methods.load(name, library=library), one(test_clips, "walk", "neutral").motion
+def test_strength_goes_from_the_content_to_the_style(name, learned, test_clips):
+    method, content = learned[name], one(test_clips, "walk", "neutral").motion
     style = one(test_clips, "walk", "old").motion
     out = [method.stylize(content, style=style, strength=s, style_content="walk") for s in (0, 0.5, 1.0)]
     far = [float((m.positions() - content.positions()).norm(dim=-1).mean()) for m in out]
@@ -106,24 +112,24 @@ def test_strength_goes_from_the_content_to_the_style(name, library, test_clips):
 
 
 @pytest.mark.parametrize("name", LEARNED)
-def test_neutral_as_neutral_stays_as_it_is(name, library, test_clips):
+def test_neutral_as_neutral_stays_as_it_is(name, learned, test_clips):
     content, style = one(test_clips, "walk", "neutral"), one(test_clips, "jump", "neutral")
-    out = mk.methods.load(name, library=library).transfer(content, style)
+    out = learned[name].transfer(content, style)
     assert (out.positions() - content.motion.positions()).norm(dim=-1).mean() < 0.005
 
 
 @pytest.mark.parametrize("name", LEARNED)
-def test_methods_travel_to_other_processes(name, library, test_clips):
-    method = mk.methods.load(name, library=library)
+def test_methods_travel_to_other_processes(name, learned, test_clips):
+    method = learned[name]
     content, style = one(test_clips, "walk", "old"), one(test_clips, "jump", "proud")
     here = method.transfer(content, style)
     there = pickle.loads(pickle.dumps(method)).transfer(content, style)
     assert torch.equal(here.rotations, there.rotations) and torch.equal(here.translations, there.translations)
 
 
-def test_a_neutral_pair_is_neutral_and_in_step(library, test_clips):
+def test_a_neutral_pair_is_neutral_and_in_step(library, learned, test_clips):
     """NeutralPairs, section 6.2: near the same walk told neutrally, though somebody else's; on the style's body."""
-    method, clip = mk.methods.load("knn-dtw", library=library), one(test_clips, "walk", "old")
+    method, clip = learned["knn-dtw"], one(test_clips, "walk", "old")
     pair = method.neutral_pair(clip.motion, content="walk")
     assert len(pair) == len(clip) and pair.skeleton is clip.motion.skeleton
     assert pair.name.startswith("walk_neutral") and (pair.root_path()[0] - clip.motion.root_path()[0]).norm() < 1e-3
@@ -170,8 +176,8 @@ def test_in_step_scales_the_path_as_the_movements(library):
     assert length(out) < 0.75 * length(walk)
 
 
-def test_linear_takes_a_label_or_learns_from_one_clip(library, test_clips):
-    method, content = mk.methods.load("linear", library=library), one(test_clips, "walk", "neutral")
+def test_linear_takes_a_label_or_learns_from_one_clip(learned, test_clips):
+    method, content = learned["linear"], one(test_clips, "walk", "neutral")
     old = one(test_clips, "walk", "old").motion
     by_label, by_clip = (
         method.stylize(content.motion, style="old"),
@@ -198,6 +204,9 @@ def test_copies_are_what_they_say(test_clips):
     assert float((copied.facing()[0] - content.facing()[0]).abs()) < 1e-3
     bent = difference(copied, style)[:, 3:-1]
     assert float(bent.abs().mean()) < 0.02  # only feet are moved a little for the other legs
+    trot, sit = (mk.load(f"data/actor/dog_{d}.bvh") for d in ("trot_neutral", "sit_tired"))
+    dog = mk.methods.load("copy-style").stylize(trot, style=sit)
+    assert dog.skeleton is trot.skeleton and torch.equal(dog.rotations[:, 1:], sit.rotations[:, 1:])
     with pytest.raises(mk.MotionKitError, match="takes its style from a motion"):
         mk.methods.load("copy-style").stylize(content, style="old")
     with pytest.raises(mk.MotionKitError, match="content must be a Motion"):
@@ -223,10 +232,10 @@ def test_libraries_that_will_not_do_are_named(library, test_clips):
 
 @pytest.mark.captures
 @pytest.mark.parametrize("name", ["copy-style", *LEARNED])
-def test_captures_take_styles_from_another_rig(name, captures_dir, library, test_clips, tmp_path):
+def test_captures_take_styles_from_another_rig(name, captures_dir, learned, test_clips, tmp_path):
     """A capture (other joints, rest pose, a helper joint) as old as the performer, with his library; written, read."""
     given = mk.load(sorted(captures_dir.glob("*_walk_normal_*.bvh"))[0])[:100]
-    method = mk.methods.load(name, **({} if name == "copy-style" else {"library": library}))
+    method = learned.get(name) or mk.methods.load(name)
     style = one(test_clips, "walk", "old").motion
     out = method.stylize(given, style=style)
     again = mk.load(mk.save(out, tmp_path / "out.bvh"))

@@ -16,6 +16,7 @@ from ..pairs import NEUTRAL, NeutralPairs, Pair, add_difference
 from ..restyling import Memory, body_of, check_clips, in_step, key_of, named, on_the_ground, rest_key, same_rest
 
 _TAPS = (-1 / 3, -1 / 6, 0.0, 1 / 6, 1 / 3)  # seconds from the frame that is predicted
+_MEAN = 1500  # so many frames weigh for the mean difference alone: one clip's poses say little about others
 _EASE = 0.03  # seconds: standard deviation of the Gaussian over what is predicted
 
 
@@ -46,7 +47,7 @@ class Filter:
         axes = torch.linalg.eigh((together - mean).T @ (together - mean))[1].flip(1)[:, :dims]
         moments = [_moments((x - mean) @ axes, p.styled.fps) for x, p in zip(poses, pairs)]
         x, bias = torch.cat(moments).double(), changes.mean(0)
-        penalty = ridge * len(x) * float((x**2).mean()) + 1e-9
+        penalty = ridge * (len(x) + _MEAN) * float((x**2).mean()) + 1e-9
         gram = x.T @ x + penalty * torch.eye(x.shape[1], dtype=x.dtype)
         weights = torch.linalg.solve(gram, x.T @ (changes - bias).double()).float()
         return cls(mean, axes, weights, bias)

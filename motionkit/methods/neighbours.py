@@ -1,8 +1,8 @@
 """KNN + DTW: the difference between a styled clip and its nearest neutral clip, carried over to another motion.
 
-The way before networks, and the one that paper 1 compares its own neutral motions with (section 6.2, tables 2 and 3). The
-paper says how the pair is found; how its difference is carried over is this kit's choice, in the manner of Xia et al.
-2015: by the poses in which it was seen.
+The way before networks, and the one that paper 1 compares its own neutral motions with (section 6.2, tables 2 and 3).
+The paper says how the pair is found; how its difference is carried over is this kit's choice, in the manner of Xia et
+al. 2015: by the poses in which it was seen.
 """
 
 from __future__ import annotations
@@ -96,10 +96,10 @@ class KnnDtw:
         given = body_of(content)
         body = given
         if content_style is not None and content_style not in NEUTRAL:
-            own = self.pairs.pair(content, content_label).like(given)
+            own = self.pairs.pair(content, content_label, given)
             body = add_difference(body, -strength * carried(body, own.looks[0], own.difference))
         if style_label not in NEUTRAL:
-            pair = self.pairs.pair(style.resample(content.fps), style_content).like(given)
+            pair = self.pairs.pair(style.resample(content.fps), style_content, given)
             body = add_difference(body, strength * carried(body, pair.looks[1], pair.difference))
         body = in_step(body, given)
         if lock:
