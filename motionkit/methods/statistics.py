@@ -20,7 +20,6 @@ from ..restyling import (
     liveliness,
     named,
     on_the_ground,
-    placed,
     rest_key,
     velocity_factor,
     warp_velocity,
@@ -82,7 +81,8 @@ class Statistics:
         y = torch.lerp(x, match_statistics(x, wanted), strength)
         y[:, :3] = x[:, :3]  # the path is the content's; only its speed is warped
         factor = 1 + strength * (within(style_liveliness / liveliness(given)) - 1)
-        body = placed(layout.decode(warp_velocity(y, factor)), given)
+        place = given.translations[0, 0] * torch.tensor([1.0, 0.0, 1.0])
+        body = layout.decode(warp_velocity(y, factor)).moved(given[:1].facing()[0], place)
         if lock:
             body = on_the_ground(body, given)
         return content.with_body(body).replace(name=named(content, style))
