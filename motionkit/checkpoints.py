@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -78,10 +79,16 @@ def save(path: str | os.PathLike, tensors: Mapping[str, Tensor], card: Mapping) 
         raise MotionKitError(f"{path}: not written, {broken[0]!r} holds numbers that are not finite")
     plain = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
     data = tensors_as_bytes(plain)
-    text = json.dumps({"format": FORMAT, **card, "sha256": hashlib.sha256(data).hexdigest()}, indent=2)
+    text = _readable({"format": FORMAT, **card, "sha256": hashlib.sha256(data).hexdigest()})
     write_atomic(path, data)
     write_atomic(path.with_suffix(".json"), text + "\n")
     return path
+
+
+def _readable(card: Mapping) -> str:
+    """JSON with a line for each entry, but lists of numbers and names on one."""
+    text = json.dumps(card, indent=2)
+    return re.sub(r"\[\s+([^\[\]{}]*?)\s+\]", lambda found: f"[{' '.join(found[1].split())}]", text)
 
 
 def load(path: str | os.PathLike, kind: str | None = None) -> tuple[dict[str, Tensor], dict]:
