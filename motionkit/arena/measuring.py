@@ -195,6 +195,8 @@ def _joined(pieces: Sequence[tuple[dict[str, Tensor], dict]], count: int) -> Mea
 
 def measure_clips(bench: Bench, clips: Dataset, folder: Path, key: str, jobs: int | None) -> Measured:
     """What the judge sees in captured or performed clips, and how much their own feet slide."""
+    if not len(clips):
+        return Measured({}, {"fsf": torch.zeros(0, dtype=torch.float64)})
     path = folder / f"clips-{key}.safetensors"
     try:
         tensors, _ = kept.load(path)

@@ -6,10 +6,12 @@ import hashlib
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import torch
+from torch import Tensor
 
 import motionkit
 
@@ -42,30 +44,16 @@ def run(
     jobs: int | None = None,
     shrinkage: float | None = None,
 ) -> ArenaTable:
-    """Let methods restyle the same clips, and measure what they make.
+    """Let methods restyle the same clips, and measure what they make. (`help(mk.arena)` says what is kept and when.)
 
-    methods: a name that `mk.methods.load` knows, an object with `stylize(content, style)`, a function of two motions
-    that returns one; a list of these, or a dict from a row's name to one: `mk.arena.run({"mine": my_function})`. One
-    with `fit` learns from the data set's training clips first (a copy of it); one with `transfer(content, style)` gets
-    clips, with their labels. dataset: a name, with `root` as in `mk.datasets.load`; a Dataset, which is split as
-    `Dataset.split` does; or a Split. protocol: which clips are restyled after which, see `PROTOCOLS`. judge: what
-    measures, by default `mk.judges.load` of the data set's name; it must know the data set's labels and skeleton.
-    shrinkage: for Fréchet distances of too few motions, see `mk.metrics.fmd`.
+    methods: a name, an object with `stylize(content, style)`, a function of two motions; a list of these, or a dict
+    from row names to them: `mk.arena.run({"mine": my_function})`. dataset: a name, with `root` as in
+    `mk.datasets.load`; a Dataset, of which `split()` is taken; or a Split. protocol: which clips are restyled after
+    which, see `PROTOCOLS`. judge: what measures; `mk.judges.load(dataset)` if left out. folder: where results are kept.
+    jobs: processes, one a core if left out. shrinkage: for Fréchet distances of few motions, see `mk.metrics.fmd`.
+    Raises MotionKitError where these do not fit together; a method's failures it counts.
 
-    Every result goes to disk as soon as it is there, below `folder` (by default in the cache, see MOTIONKIT_CACHE): a
-    run that is stopped, or killed, goes on where it was, and results that are there are not made again until the data,
-    the protocol, the seed or the method change. Of a function that is its code, constants, defaults and closure, and
-    what it names of its own module or notebook; what it calls elsewhere is not looked at: `resume=False` makes all
-    again. Chance is seeded for each transfer, so that one seed gives one table (all but the seconds), however many
-    jobs. jobs: processes; a core each if left out. Under `joblib.parallel_config("dask")` a cluster works, whose
-    machines must see the folder and the cache.
-
-    A transfer that fails (an error, no Motion, another skeleton, no frames, numbers that are not finite) is counted,
-    shown below the table, and tried again by the next run; accuracies count it as wrong. Raises MotionKitError where
-    methods, data set, protocol and judge do not fit together.
-
-    >>> import motionkit as mk
-    >>> mk.arena.run("statistics", protocol="paper-7")
+    >>> run("statistics", protocol="paper-7")
     Traceback (most recent call last):
     ...
     motionkit.errors.MotionKitError: no protocol 'paper-7'; there are 'paper-1', ...
@@ -75,50 +63,91 @@ def run(
         raise MotionKitError(f"the arena's seed is a whole number; found {seed!r}")
     split = _split_of(dataset, root)
     judge = _judge_of(judge, split)
-    transfers = protocol.transfers(split.test, seed)
     base = Path(folder).expanduser() if folder is not None else cache_folder() / "arena"
-    place = make_folder(base / _place_name(split, protocol, seed), "give another one: run(..., folder=...)")
-    bench = Bench(judge, split.test, Truths.of(split.test, base))
-    key = judge_key(bench)
-    train = _sample(split.train, len(split.test), seed)
-    clips = measure_clips(bench, split.test, place, f"test-{key}", jobs)
-    learned = measure_clips(bench, train, place, f"train-{key}", jobs)
-    setting = _setting(transfers, split.test, judge, clips, shrinkage, seed)
-    rows, views, right = [], {}, {"content": setting.content_ids, "style": setting.style_ids}
-    for entrant in entrants:
-        own, measured = _played(entrant, split, transfers, place, bench, key, jobs, resume)
-        rows.append(
-            Row(entrant.name, scores_of(measured, setting, protocol.columns), len(transfers), measured.problems)
-        )
-        views[entrant.name] = Results(entrant.name, split.test, transfers, measured, right, own)
-    ids = {label: _ids(judge, split.test, label) for label in ("content", "style")}
-    if len(train):
-        rows.append(Row(REAL, scores_of_clips(clips, ids, learned, setting), len(split.test)))
-    views[REAL] = Results(REAL, split.test, tuple(Transfer(n, n) for n in range(len(split.test))), clips, ids)
-    return ArenaTable(
-        tuple(rows), protocol.columns, _provenance(split, protocol, seed, transfers, judge, shrinkage), views
-    )
+    return _Work(split, judge, protocol, seed, base, jobs, shrinkage).table(entrants, resume)
 
 
-def _played(
-    entrant: Entrant,
-    split: Split,
-    transfers: Sequence[Transfer],
-    place: Path,
-    bench: Bench,
-    key: str,
-    jobs: int | None,
-    resume: bool,
-) -> tuple[Path, Measured]:
-    """A method's folder, and the figures of its results, made first where they are missing."""
-    own = place / f"{_plain(entrant.name)}-{entrant.key}"
-    own.mkdir(exist_ok=True)
-    if not resume:
-        for n in range(len(transfers)):
-            kept.result_path(own, n).unlink(missing_ok=True)
-    failed = make_results(entrant, split.train, split.test, transfers, own, jobs)
-    measured = measure_results(bench, transfers, own, key, jobs, entrant.name)
-    return own, replace(measured, problems=dict(sorted({**measured.problems, **failed}.items())))
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """What all methods of a table have in common."""
+
+    split: Split
+    judge: object
+    protocol: Protocol
+    seed: int
+    base: Path
+    jobs: int | None
+    shrinkage: float | None
+
+    def table(self, entrants: Sequence[Entrant], resume: bool) -> ArenaTable:
+        """Make, measure, and put the figures together."""
+        test, transfers = self.split.test, self.transfers
+        bench = Bench(self.judge, test, Truths.of(test, self.base))
+        key, train = judge_key(bench), _sample(self.split.train, len(test), self.seed)
+        clips = measure_clips(bench, test, self.place, f"test-{key}", self.jobs)
+        learned = measure_clips(bench, train, self.place, f"train-{key}", self.jobs)
+        setting = self._setting(clips)
+        rows, views = [], {}
+        right = {"content": setting.content_ids, "style": setting.style_ids}
+        for entrant in entrants:
+            own, measured = self._play(entrant, bench, key, resume)
+            failed = {n: f"{_names(test, transfers[n])}: {problem}" for n, problem in measured.problems.items()}
+            rows.append(Row(entrant.name, scores_of(measured, setting, self.protocol.columns), len(transfers), failed))
+            views[entrant.name] = Results(entrant.name, test, transfers, measured, right, own)
+        ids = {label: self._ids(label) for label in ("content", "style")}
+        rows.append(Row(REAL, scores_of_clips(clips, ids, learned, setting), len(test)))
+        views[REAL] = Results(REAL, test, tuple(Transfer(n, n) for n in range(len(test))), clips, ids)
+        return ArenaTable(tuple(rows), self.protocol.columns, self._provenance(), views)
+
+    @cached_property
+    def transfers(self) -> tuple[Transfer, ...]:
+        return self.protocol.transfers(self.split.test, self.seed)
+
+    @cached_property
+    def place(self) -> Path:
+        """The folder of these clips, this protocol and seed."""
+        text = f"{kept.FORMAT} {dataset_key(self.split.train, self.split.test)} {self.protocol!r} {self.seed}"
+        key = hashlib.sha256(text.encode()).hexdigest()[:12]
+        name = f"{_plain(self.split.test.name)}-{_plain(self.protocol.name)}-{self.seed}-{key}"
+        return make_folder(self.base / name, "give another one: run(..., folder=...)")
+
+    def _play(self, entrant: Entrant, bench: Bench, key: str, resume: bool) -> tuple[Path, Measured]:
+        """A method's folder, and the figures of its results, made first where they are missing."""
+        own = self.place / f"{_plain(entrant.name)}-{entrant.key}"
+        own.mkdir(exist_ok=True)
+        if not resume:
+            for n in range(len(self.transfers)):
+                kept.result_path(own, n).unlink(missing_ok=True)
+        failed = make_results(entrant, self.split.train, self.split.test, self.transfers, own, self.jobs)
+        measured = measure_results(bench, self.transfers, own, key, self.jobs, entrant.name)
+        return own, replace(measured, problems=dict(sorted({**measured.problems, **failed}.items())))
+
+    def _ids(self, label: str) -> Tensor:
+        """The judge's classes of all test clips."""
+        return getattr(self.judge, label).ids([getattr(clip, label) for clip in self.split.test])
+
+    def _setting(self, clips: Measured) -> Setting:
+        contents, styles, repeats = (torch.tensor(numbers) for numbers in zip(*self.transfers))
+        ids = (self._ids("content")[contents], self._ids("style")[styles])
+        return Setting(contents, styles, *ids, repeats, clips, self.shrinkage, self.seed)
+
+    def _provenance(self) -> dict:
+        return {
+            "dataset": self.split.test.name,
+            "train_clips": len(self.split.train),
+            "test_clips": len(self.split.test),
+            "protocol": self.protocol.name,
+            "repeats": self.protocol.repeats,
+            "seed": self.seed,
+            "transfers": len(self.transfers),
+            "judge": getattr(self.judge, "name", type(self.judge).__name__),
+            "shrinkage": self.shrinkage,
+            "motionkit": motionkit.__version__,
+        }
+
+
+def _names(test: Dataset, transfer: Transfer) -> str:
+    return f"{test[transfer.content].name} as {test[transfer.style].name}"
 
 
 def _split_of(dataset: str | Dataset | Split, root: str | os.PathLike | None) -> Split:
@@ -162,18 +191,6 @@ def _judge_of(judge: object, split: Split) -> object:
     return judge
 
 
-def _ids(judge: object, clips: Dataset, label: str) -> torch.Tensor:
-    return getattr(judge, label).ids([getattr(clip, label) for clip in clips])
-
-
-def _setting(
-    transfers: Sequence[Transfer], test: Dataset, judge: object, clips: Measured, shrinkage: float | None, seed: int
-) -> Setting:
-    contents, styles, repeats = (torch.tensor(numbers) for numbers in zip(*transfers))
-    ids = [_ids(judge, test, label)[which] for label, which in (("content", contents), ("style", styles))]
-    return Setting(contents, styles, *ids, repeats, clips, shrinkage, seed)
-
-
 def _sample(train: Dataset, count: int, seed: int) -> Dataset:
     """As many training clips as there are test clips, drawn by their names."""
     names = {n: f"{seed} {train[n].name}" for n in range(len(train))}
@@ -181,29 +198,6 @@ def _sample(train: Dataset, count: int, seed: int) -> Dataset:
     return train._some([train.numbers[n] for n in sorted(mixed[:count])])
 
 
-def _place_name(split: Split, protocol: Protocol, seed: int) -> str:
-    text = f"{kept.FORMAT} {dataset_key(split.train, split.test)} {protocol!r} {seed}"
-    key = hashlib.sha256(text.encode()).hexdigest()[:12]
-    return f"{_plain(split.test.name)}-{_plain(protocol.name)}-{seed}-{key}"
-
-
 def _plain(name: str) -> str:
     """A name that every system takes for a folder."""
     return re.sub(r"[^\w.=-]+", "_", name)[:60].strip(".") or "_"
-
-
-def _provenance(
-    split: Split, protocol: Protocol, seed: int, transfers: Sequence[Transfer], judge: object, shrinkage: float | None
-) -> dict:
-    return {
-        "dataset": split.test.name,
-        "train_clips": len(split.train),
-        "test_clips": len(split.test),
-        "protocol": protocol.name,
-        "repeats": protocol.repeats,
-        "seed": seed,
-        "transfers": len(transfers),
-        "judge": getattr(judge, "name", type(judge).__name__),
-        "shrinkage": shrinkage,
-        "motionkit": motionkit.__version__,
-    }

@@ -18,17 +18,26 @@ from .views import Results
 
 ARROWS = {"down": "↓", "up": "↑", "one": "→ 1"}
 _WIDTH = 120  # characters of a printed line
+_TOLD = 3  # failures that are shown
 _DIGITS = 5  # that records keep
 
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """A method's figures. failed: number of a transfer to why it has no result; count: how many transfers."""
+    """A method's figures. count: how many transfers. failed: of those that did, number to what happened, which begins
+    with the names of its clips.
+    """
 
     method: str
     cells: dict[str, Cell]
     count: int
     failed: dict[int, str] = field(default_factory=dict)
+
+    @property
+    def told(self) -> list[str]:
+        """What failed, the first three of different kinds."""
+        kinds = {message.partition(": ")[2]: message for message in reversed(self.failed.values())}
+        return list(kinds.values())[: -_TOLD - 1 : -1]
 
     def cell(self, column: str) -> Cell:
         """The figure of a column; one without a value where the row has none."""
@@ -88,9 +97,10 @@ class ArenaTable:
         found = []
         for row in self.rows:
             if row.failed:
-                number, first = next(iter(row.failed.items()))
-                what = f"{row.method}: {len(row.failed)} of {row.count} transfers failed, counted as not recognised"
-                found.append(f"{what}; the first (number {number}): {first}")
+                found.append(
+                    f"{row.method}: {len(row.failed)} of {row.count} transfers failed, counted as not recognised: "
+                    + "; ".join(row.told)
+                )
             starred: dict[int, list[str]] = {}
             without: dict[str, list[str]] = {}
             for column in self.columns:
@@ -151,6 +161,7 @@ class ArenaTable:
 
     def _repr_html_(self) -> str:
         best = {column: self.best(column) for column in self.columns}
+        bold = {column: _value(self[row].cell(column), column) for column, row in best.items() if row}
         head = "".join(
             f'<th style="text-align:right" title="{escape(COLUMNS[c].about)}">'
             f"{escape(_title(c))} {ARROWS[COLUMNS[c].better]}</th>"
@@ -158,7 +169,7 @@ class ArenaTable:
         )
         body = ""
         for row in self.rows:
-            cells = "".join(_html(row.cell(c), c, best[c] == row.method) for c in self.columns)
+            cells = "".join(_html(row.cell(c), c, "" if row.method == REAL else bold.get(c, "")) for c in self.columns)
             shade = ' style="opacity:0.65"' if row.method == REAL else ""
             body += f'<tr{shade}><td style="text-align:left">{escape(row.method)}</td>{cells}</tr>'
         notes = "".join(f"<br>{escape(note)}" for note in self.notes())
@@ -185,18 +196,18 @@ def _spread(cell: Cell, digits: int) -> str:
     return f" [{cell.low:.{digits}f}, {cell.high:.{digits}f}]"
 
 
+def _value(cell: Cell, column: str) -> str:
+    return "–" if cell.value != cell.value else f"{cell.value:.{COLUMNS[column].digits}f}"
+
+
 def _text(cell: Cell, column: str) -> str:
-    digits, star = COLUMNS[column].digits, "*" if cell.missing else ""
-    if cell.value != cell.value:
-        return f"–{star}"
-    return f"{cell.value:.{digits}f}{star}{_spread(cell, digits)}"
+    return f"{_value(cell, column)}{'*' if cell.missing else ''}{_spread(cell, COLUMNS[column].digits)}"
 
 
-def _html(cell: Cell, column: str, best: bool) -> str:
-    digits, star = COLUMNS[column].digits, "*" if cell.missing else ""
-    value = "–" if cell.value != cell.value else f"{cell.value:.{digits}f}"
-    value = f"<b>{value}</b>" if best else value
-    spread = _spread(cell, digits).strip()
+def _html(cell: Cell, column: str, best: str) -> str:
+    value, star = _value(cell, column), "*" if cell.missing else ""
+    value = f"<b>{value}</b>" if value == best and not star else value
+    spread = _spread(cell, COLUMNS[column].digits).strip()
     small = f'<br><span style="opacity:0.6;font-size:smaller">{spread}</span>' if spread else ""
     return f'<td style="text-align:right;white-space:nowrap">{value}{star}{small}</td>'
 
@@ -208,7 +219,7 @@ def _number(value: float) -> float | None:
 def _record(row: Row, columns: Sequence[str]) -> dict:
     record: dict = {"method": row.method, "transfers": row.count, "failed": len(row.failed)}
     if row.failed:
-        record["failed_first"] = next(iter(row.failed.values()))
+        record["failures"] = row.told
     for column in columns:
         cell = row.cell(column)
         record[column] = _number(cell.value)
@@ -231,5 +242,6 @@ def _row(record: Mapping, columns: Sequence[str]) -> Row:
         low, high = (value - std, value + std) if std is not None else record.get(f"{column}_ci", (math.nan, math.nan))
         missing, why = record.get(f"{column}_missing", 0), record.get(f"{column}_why", "")
         cells[column] = Cell(value, low, high, std is not None, missing, why)
-    failed = dict.fromkeys(range(record.get("failed", 0)), record.get("failed_first", ""))
+    told = record.get("failures") or [""]
+    failed = {n: told[min(n, len(told) - 1)] for n in range(record.get("failed", 0))}
     return Row(record["method"], cells, record.get("transfers", 0), failed)

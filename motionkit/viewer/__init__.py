@@ -36,6 +36,7 @@ _HOMES = {
     "plot_joint_errors": "style_plots",
     "plot_speed_bands": "style_plots",
     "style_mixer": "mixer",
+    "plot_arena": "arena_plots",
     "plot_clouds": "judging_plots",
     "cloud_explorer": "judging_plots",
     "plot_confusion": "judging_plots",
