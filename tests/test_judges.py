@@ -11,7 +11,7 @@ from motionkit.datasets.sources import Item
 from motionkit.judges import recipes
 from motionkit.judges.poses import cut, joint_numbers, joint_turns
 from motionkit.layers import StGcnConfig
-from motionkit.rotations import quaternion_angle
+from motionkit.rotations import normalize, quaternion_angle
 from motionkit.training import Schedule
 
 KINDS = [("walk", "neutral"), ("walk", "old"), ("bow", "neutral"), ("bow", "old")]
@@ -124,6 +124,24 @@ def test_the_autoencoder_takes_noise_away(small, tmp_path):
     clips = [clip.motion for clip in small.test]
     again = judges.MotionAutoencoder.load(made_one.save(tmp_path / "a.safetensors"))
     assert torch.equal(again.features(clips), made_one.features(clips))
+
+
+def test_the_denoising_loss_is_the_angle_to_the_clean_rotation():
+    """Of a network that changes nothing it is the noise itself; of one that knows the answer it is 0."""
+    torch.manual_seed(0)
+    turns = normalize(torch.randn(4, 64, 22, 4))
+    by_noise = [float(judges.denoising_loss(torch.nn.Identity(), turns, noise)) for noise in (0.0, 0.01, 0.03)]
+    # the three numbers across a unit quaternion are normal: their length has the mean 2 (2 / pi)^0.5, half an angle's
+    assert by_noise == pytest.approx([0.0, 0.01 * 3.1915, 0.03 * 3.1915], rel=0.02, abs=1e-3)
+
+    class Oracle(torch.nn.Module):
+        def forward(self, noisy: torch.Tensor) -> torch.Tensor:
+            return -turns  # the same rotations, written with the other sign
+
+    assert judges.denoising_loss(Oracle(), turns) < 1e-3
+    net = judges.DenoisingAutoencoder(joints=22)
+    assert torch.allclose(net(turns).norm(dim=-1), torch.ones(4, 64, 22), atol=1e-5)
+    assert net.encode(turns[:, :37]).shape == (4, 64, 10) and net(turns[:, :37]).shape == (4, 37, 22, 4)
 
 
 def test_the_command_trains_all_three_and_load_finds_them(tmp_path, monkeypatch, small):
