@@ -41,6 +41,8 @@ _HOMES = {
     "cloud_explorer": "judging_plots",
     "plot_confusion": "judging_plots",
     "LossCurve": "loss_curve",
+    "feature_map": "feature_maps",
+    "embed": "feature_maps",
 }
 __all__ = [*_HOMES, "colours"]
 
