@@ -11,7 +11,7 @@ IN := $(VENV)/bin/python
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help lab test tour notebooks examples sheets bench-actor bench-io fuzz pins clean
+.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-io fuzz pins clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -41,6 +41,9 @@ sheets: $(READY) ## draw every content in every style, and every creature, into 
 
 bench-actor: $(READY) ## measure the performer into results/actor.json
 	$(IN) tools/bench_actor.py
+
+bench-arena: $(READY) ## measure the arena, and the methods to beat, into results/arena-baselines.json
+	$(IN) tools/bench_arena.py
 
 bench-io: $(READY) ## measure reading and kinematics into results/io.json
 	$(IN) tools/bench_io.py
