@@ -28,7 +28,7 @@ _MARKS = {  # plotly's name to matplotlib's
     "circle": "o", "square": "s", "diamond": "D", "triangle-up": "^", "cross": "P", "x": "X",
     "triangle-down": "v", "star": "*", "pentagon": "p", "hexagon": "h", "triangle-left": "<", "triangle-right": ">",
 }  # fmt: skip
-_LARGER = {"star": 1.35, "cross": 1.2, "x": 1.2}  # marks with little ink
+_SIZES = {"star": 1.35, "cross": 1.2, "x": 1.2, "diamond": 0.87}  # so that all marks have as much ink
 _TOOLS = ("toImage", "select2d", "lasso2d", "zoomIn2d", "zoomOut2d", "autoScale2d")  # of plotly, not needed here
 MOST = 2000
 
@@ -188,7 +188,7 @@ def _traces(drawn: _Drawn) -> list[dict]:
             "marker": {
                 "color": ink,
                 "symbol": mark,
-                "size": round(8 * _LARGER.get(mark, 1)),
+                "size": round(8 * _SIZES.get(mark, 1)),
                 "opacity": 0.9,
                 "line": {"width": 0.5, "color": "white"},
             },
@@ -234,7 +234,7 @@ def draw_map(drawn: _Drawn) -> Print:
     ax = picture.add_axes((0.01, 0.05, 0.77, 0.93))
     wide = 6 if len(drawn.rows) < 1000 else 5
     for label, own, ink, mark in _looks(drawn):
-        look = {"color": ink, "ms": wide * _LARGER.get(mark, 1), "mew": 0.4, "mec": "white", "alpha": 0.9, "ls": ""}
+        look = {"color": ink, "ms": wide * _SIZES.get(mark, 1), "mew": 0.4, "mec": "white", "alpha": 0.9, "ls": ""}
         ax.plot(*drawn.points[own].T, marker=_MARKS[mark], label=label, **look)
     ax.set(xticks=(), yticks=())
     for spine in ax.spines.values():
