@@ -70,7 +70,7 @@ def test_embedding_says_what_is_wrong(features, said):
         embed(features)
 
 
-@pytest.mark.parametrize("scale", [1e-6, 1e12])
+@pytest.mark.parametrize("scale", [1e-30, 1e30])
 def test_the_size_of_features_does_not_matter(scale):
     places = embed(grouped(40).double() * scale)
     away = torch.cdist(places, places).fill_diagonal_(torch.inf)

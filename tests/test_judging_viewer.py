@@ -144,9 +144,10 @@ def test_a_class_without_clips_leaves_an_empty_row():
 
 def test_twelve_classes_beside_eight_can_be_read():
     tables = [50 * torch.eye(12).long() + 3, 50 * torch.eye(8).long() + 3]
+    tables[0][3, 4] = tables[1][3, 4] = 30  # a cell neither light nor dark
     names = [[f"content_{n:02}" for n in range(12)], [f"style_{n}" for n in range(8)]]
     picture = plot_confusion(tables, names, ["content", "style"])
-    assert [ax.get_title(loc="left") for ax in picture.axes] == ["content: 62 % right", "style: 72 % right"]
+    assert [ax.get_title(loc="left") for ax in picture.axes] == ["content: 60 % right", "style: 68 % right"]
     assert picture.get_size_inches()[0] <= 11 and len(picture._repr_png_()) < 60_000
     for ax in picture.axes:
         boxes = [text.get_window_extent() for text in ax.texts]
@@ -232,6 +233,25 @@ def test_a_step_costs_next_to_nothing_and_a_long_curve_is_drawn_quickly():
     assert time.process_time() - start < 1
     assert all(len(line.get_xdata()) <= 2000 and line.get_xdata()[-1] == 99_999 for line in picture.axes[0].lines)
     assert len(curve._repr_png_()) < 30_000
+
+
+@pytest.mark.parametrize(("drawing", "between"), [(0.001, 0.5), (0.1, 2.0)])
+def test_it_is_drawn_at_most_every_half_second_and_in_a_twentieth_of_the_time(monkeypatch, drawing, between):
+    class Image:
+        drawn = []
+        value = property(fset=lambda self, png: self.drawn.append(now[0]))
+
+    now, curve = [0.0], LossCurve()
+    curve(0, 1.0)
+    monkeypatch.setattr(Image, "drawn", [])
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(LossCurve, "png", property(lambda self: now.__setitem__(0, now[0] + drawing)))
+    curve._image = Image()
+    for step in range(1, 1000):
+        now[0] += 0.01
+        curve(step, 1.0)
+    gaps = np.diff(Image.drawn)
+    assert len(gaps) > 3 and gaps.min() >= between and gaps.max() < between + drawing + 0.02
 
 
 def test_a_curve_without_a_step_can_be_shown(capsys):

@@ -53,7 +53,7 @@ def embed(features: Tensor, seed: int = 0) -> Tensor:
         raise MotionKitError(f"embed: expected at least 4 finite rows of at least 2 numbers, found {count} of {wide}")
     found = x[known] - x[known].mean(0)
     spread = np.abs(found).max()
-    if not spread > 1e-12:
+    if not spread > 1e-9 * np.abs(x[known]).max():
         raise MotionKitError(f"embed: all {count} rows are alike, so there is nothing to lay out; look at the encoder")
     machine = TSNE(2, perplexity=min(30.0, (count - 1) / 3), init="pca", random_state=seed)
     places = np.full((len(x), 2), np.nan, np.float32)
