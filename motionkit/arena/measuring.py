@@ -18,13 +18,13 @@ from ..errors import MotionKitError
 from ..motion import Motion
 from . import kept
 from .fanning import fan_out, one_thread
-from .making import chunks, message_of
+from .making import message_of
 from .protocols import Transfer
 from .truths import Truths, error_against
 
 SEEN = ("content_scores", "content_features", "style_scores", "style_features", "ae_features")
 VALUES = ("tsi", "fsf", "fca", "jitter", "truth_error", "seconds")
-_CLIPS = 64  # real clips a task
+_PIECE = 32  # motions a task: enough for the judge to be quick, few enough to keep all cores busy
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +128,7 @@ def measure_results(
     """Figures of all results in a folder; what was measured before, and not made again since, is read."""
     place = folder / f"measures-{key}"
     place.mkdir(exist_ok=True)
-    pieces = list(chunks(transfers, range(len(transfers))))
-    tasks = [[(n, transfers[n]) for n in piece] for piece in pieces]
+    tasks = [list(enumerate(transfers[n : n + _PIECE], n)) for n in range(0, len(transfers), _PIECE)]
     todo = [task for task in tasks if _read_piece(place, folder, task) is None]
     for _ in fan_out(_measure, (bench, folder, place), todo, jobs, f"measuring {says}", "result"):
         pass
@@ -202,7 +201,7 @@ def measure_clips(bench: Bench, clips: Dataset, folder: Path, key: str, jobs: in
         tensors, _ = kept.load(path)
     except MotionKitError:
         numbers = list(range(len(clips)))
-        tasks = [numbers[n : n + _CLIPS] for n in range(0, len(numbers), _CLIPS)]
+        tasks = [numbers[n : n + _PIECE] for n in range(0, len(numbers), _PIECE)]
         parts = list(fan_out(_measure_clips, (bench, clips), tasks, jobs, "measuring clips", "clip"))
         tensors = {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
         kept.save(path, tensors, {})

@@ -29,7 +29,7 @@ class Column:
 
 COLUMNS = {
     "fmd": Column("FMD", "down", 2, "content classifier's features, results against test clips (paper 1)"),
-    "fmd_ae": Column("FMD (ae)", "down", 2, "denoising autoencoder's features, against test clips (paper 2)"),
+    "fmd_ae": Column("FMD (ae)", "down", 3, "denoising autoencoder's features, against test clips (paper 2)"),
     "fmd_content": Column("content FMD", "down", 2, "content features, against the content clips (paper 5)"),
     "fmd_style": Column("style FMD", "down", 2, "style features, against the style clips (paper 5)"),
     "cra": Column("CRA %", "up", 1, "results whose content is recognised (papers 1, 3, 4)"),
