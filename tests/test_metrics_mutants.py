@@ -33,7 +33,7 @@ MUTANTS = [
     ("diversity.local_diversity", ".amin(1)", ".mean(1)", "diversity"),
     ("diversity.global_diversity", "best[start] + piece", "piece", "diversity"),
     ("spectra.bands", "(rates < high)", "(rates < 99)", "speed_bands"),
-    ("intervals.bootstrap", "s[rows]", "s", "intervals_hold_the_truth"),
+    ("intervals._redrawn", "s[rows]", "s", "intervals_hold_the_truth"),
     ("intervals.bootstrap", "(1 - level) / 2", "1 - level", "intervals_hold_the_truth"),
     ("intervals.bootstrap", "_factors(groups, count) or ", "", "rows_that_share_clips"),
     ("intervals._drawn", "times * torch.bincount", "torch.bincount", "rows_that_share_clips"),

@@ -11,7 +11,7 @@ import torch
 from ..actor import Performance, retell
 from ..datasets import Clip, Dataset, Item, made
 from ..errors import MotionKitError
-from ..metrics.truth import _from_own_place
+from ..metrics.truth import from_own_place
 from ..motion import Motion
 from . import kept
 
@@ -74,5 +74,5 @@ def error_against(result: Motion, answer: Motion) -> float:
     >>> error_against(walk.moved(1.0, (2.0, 0.0, 0.0)), walk) < 0.01
     True
     """
-    places = (_from_own_place(answer, motion.positions()) for motion in (result, answer))
+    places = (from_own_place(answer, motion.positions()) for motion in (result, answer))
     return 1000 * float(torch.linalg.vector_norm(torch.sub(*places), dim=-1).mean())

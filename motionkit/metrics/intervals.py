@@ -32,15 +32,10 @@ def bootstrap(
 ) -> Interval:
     """A statistic of samples with its percentile interval (Efron 1979): rows are drawn again, with replacement.
 
-    statistic: takes the samples, returns one number. samples: tensors of the same number of rows N, drawn together (a
-    prediction stays with its label).
-
-    groups: one tensor of ids [N], or several, of what rows share: the content clip and the style clip of each transfer.
-    Whole groups are drawn again, and a row counts as often as the product of its groups' counts (the pigeonhole
-    bootstrap, Owen 2007). A table of 3,780 transfers made from 70 clips holds the luck of 70 clips, not of 3,780: rows
-    drawn one by one would make its intervals far too narrow. Groups of one kind only add no spread: an interval with
-    one style clip holds for that clip. A draw with fewer than N rows is taken several times over, so that a statistic
-    that needs many rows has them.
+    statistic: takes the samples, returns one number. samples: tensors of N rows each, drawn together. groups: one
+    tensor of ids [N], or several, of what rows share, as the content clip and the style clip of each transfer. Whole
+    groups are drawn again, and a row counts as often as the product of its groups' counts (the pigeonhole bootstrap,
+    Owen 2007): 3,780 transfers made from 70 clips hold the luck of 70 clips. A draw of fewer than N rows is repeated.
 
     centred: for a statistic that repeated rows alone drive up, as they do with `fmd`: the draws are shifted by their
     median to the value, so that their spread lies around it. An end may then lie below what the statistic can reach.
@@ -55,27 +50,34 @@ def bootstrap(
     >>> by_ten.high - by_ten.low > 2 * (found.high - found.low)
     True
     """
-    if not callable(statistic):
-        raise MotionKitError(
-            f"bootstrap: expected a function of the samples first, like torch.mean; found {type(statistic).__name__}"
-        )
+    _check_options(statistic, level, repeats)
     count = _rows(samples)
-    _check_options(level, repeats)
     factors = _factors(groups, count) or [torch.arange(count)]
-    generator = torch.Generator().manual_seed(seed)
     value = float(statistic(*samples))
+    again = _redrawn(statistic, samples, factors, repeats, seed)
+    _check_finite(samples, torch.cat((again, again.new_tensor([value]))))
+    if centred:
+        again = again - again.median() + value
+    edges = torch.quantile(again, torch.tensor([(1 - level) / 2, (1 + level) / 2], dtype=torch.float64))
+    return Interval(value, *edges.tolist())
+
+
+def _redrawn(
+    statistic: Callable, samples: tuple[Tensor, ...], factors: list[Tensor], repeats: int, seed: int
+) -> Tensor:
+    """The statistic of each of the draws, [repeats]."""
+    generator = torch.Generator().manual_seed(seed)
     drawn = (_drawn(factors, generator) for _ in range(repeats))
-    again = torch.tensor([float(statistic(*(s[rows] for s in samples))) for rows in drawn], dtype=torch.float64)
-    if not torch.isfinite(again).all() or not abs(value) < torch.inf:
+    return torch.tensor([float(statistic(*(s[rows] for s in samples))) for rows in drawn], dtype=torch.float64)
+
+
+def _check_finite(samples: tuple[Tensor, ...], values: Tensor) -> None:
+    if not torch.isfinite(values).all():
         worst = min(map(finite_share, samples))
         raise MotionKitError(
             f"bootstrap: the statistic is not finite for some of the draws; of the rows given to it "
             f"{worst.count - worst.finite} of {worst.count} are not"
         )
-    if centred:
-        again = again - again.median() + value
-    edges = torch.quantile(again, torch.tensor([(1 - level) / 2, (1 + level) / 2], dtype=torch.float64))
-    return Interval(value, *edges.tolist())
 
 
 def _drawn(factors: list[Tensor], generator: torch.Generator) -> Tensor:
@@ -116,7 +118,11 @@ def _factors(groups: Tensor | Sequence[Tensor], count: int) -> list[Tensor]:
     return factors
 
 
-def _check_options(level: float, repeats: int) -> None:
+def _check_options(statistic: object, level: float, repeats: int) -> None:
+    if not callable(statistic):
+        raise MotionKitError(
+            f"bootstrap: expected a function of the samples first, like torch.mean; found {type(statistic).__name__}"
+        )
     numbers = isinstance(level, int | float) and isinstance(repeats, int)
     if not numbers or not 0 < level < 1 or repeats < 10:
         raise MotionKitError(f"bootstrap: level between 0 and 1 and 10 repeats at least; found {level!r}, {repeats!r}")

@@ -29,15 +29,7 @@ def truth_error(
     >>> float(truth_error(old.along(walk), old, walk).max()), bool(truth_error(walk.motion, old, walk).mean() > 50)
     (0.0, True)
     """
-    kinds = (("result", result, Motion), ("truth", truth, Performance), ("content", content, Performance))
-    for what, given, kind in kinds:
-        if not isinstance(given, kind):
-            hint = motion_inside(given) if kind is Motion else ""
-            raise MotionKitError(f"truth_error: {what} must be a {kind.__name__}; found {given!r}{hint}")
-    if truth.score is not content.score:
-        raise MotionKitError(
-            f"truth_error: {truth!r} is no retelling of {content!r}; make it with actor.retell(content, style)"
-        )
+    _check(result, truth, content)
     times = content.beats if beats is None else torch.as_tensor(beats)
     if times.shape != (len(result),):
         raise MotionKitError(
@@ -49,11 +41,23 @@ def truth_error(
     order = [result.skeleton.index(name) for name in names]
     places, answer = result.positions()[:, order], wanted.positions()
     if not world:
-        places, answer = _from_own_place(wanted, places), _from_own_place(wanted, answer)
+        places, answer = from_own_place(wanted, places), from_own_place(wanted, answer)
     return torch.linalg.vector_norm(places - answer, dim=-1).mean(0) * 1000
 
 
-def _from_own_place(like: Motion, places: Tensor) -> Tensor:
+def _check(result: Motion, truth: Performance, content: Performance) -> None:
+    kinds = (("result", result, Motion), ("truth", truth, Performance), ("content", content, Performance))
+    for what, given, kind in kinds:
+        if not isinstance(given, kind):
+            hint = motion_inside(given) if kind is Motion else ""
+            raise MotionKitError(f"truth_error: {what} must be a {kind.__name__}; found {given!r}{hint}")
+    if truth.score is not content.score:
+        raise MotionKitError(
+            f"truth_error: {truth!r} is no retelling of {content!r}; make it with actor.retell(content, style)"
+        )
+
+
+def from_own_place(like: Motion, places: Tensor) -> Tensor:
     """Positions [F, J, 3] of `like`'s joints as seen from the pelvis' place on the ground, facing +Z."""
     yaw = facing_of(like.skeleton, places)
     pelvis = places[:, like.skeleton.pelvis] * places.new_tensor([1.0, 0.0, 1.0])
