@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import motionkit as mk
 from check_notebooks import MACHINE_PATH
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -19,6 +20,12 @@ TARGETS = {
         "all_clips_seconds": 12,
         "all_clips_peak_gb": 1.5,
         "cached_load_seconds": 1,
+    },
+    "arena-baselines": {
+        "measuring_seconds": 120,
+        "measuring_peak_gb": 2,
+        "small_seconds": 60,
+        "bandai_transfers": 3780,
     },
     "actor": {
         "making_frames_per_s": 3000,
@@ -38,6 +45,7 @@ TARGETS = {
         "single_frame_depressed_tired": 60,
     },
 }
+COMMANDS = {"arena-baselines": "make bench-arena"}  # where it is not `make bench-SUBJECT`
 LESS = ("_seconds", "_gb", "_mm", "_ratio", "_limits")  # endings of figures that should be small
 CASES = [(subject, name) for subject, names in TARGETS.items() for name in names]
 
@@ -50,7 +58,7 @@ def result(subject: str) -> dict:
 def test_form(subject):
     found = result(subject)
     assert set(found) - {"tables"} == {"command", "commit", "hardware", "seed", "seconds", "figures"}
-    assert found["command"] == f"make bench-{subject}" and found["seconds"] > 0
+    assert found["command"] == COMMANDS.get(subject, f"make bench-{subject}") and found["seconds"] > 0
     assert re.fullmatch(r"[0-9a-f]{7,40}(-dirty)?", found["commit"]) and "cores" in found["hardware"]
     assert not re.search(MACHINE_PATH, json.dumps(found))
     assert set(found["figures"]) == set(TARGETS[subject])
@@ -67,3 +75,15 @@ def test_figures_agree_with_their_targets(subject, name):
 
 def test_every_results_file_is_known():
     assert {path.stem for path in (ROOT / "results").glob("*.json")} == set(TARGETS)
+
+
+def test_the_arena_tables_hold_every_method_on_the_whole_protocol():
+    tables = result("arena-baselines")["tables"]
+    counts = {"actor": 7392, "bandai-2": 3780}
+    for data, count in counts.items():
+        rows = {row["method"]: row for row in tables[data]}
+        assert set(rows) == {*mk.methods.names(), "real"}
+        assert all(row["transfers"] == count for name, row in rows.items() if name != "real")
+        assert rows["copy-content"]["cra"] > 95 and rows["copy-content"]["sra"] < 5
+        assert rows["copy-style"]["sra"] > 95 and rows["copy-style"]["cra"] < 5
+    assert [p["protocol"] for p in tables["provenance"]] == ["paper-1", "paper-1"]
