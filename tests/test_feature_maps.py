@@ -1,14 +1,13 @@
 """Maps of features: neighbours stay neighbours, and the dot pointed at plays its clip."""
 
 import base64
-import io
 import json
 import time
 
 import numpy as np
 import pytest
 import torch
-from PIL import Image
+from looking import cloud, near, pixels
 from plotly.callbacks import Points
 
 import motionkit as mk
@@ -16,21 +15,6 @@ from motionkit.viewer import embed, feature_map
 from motionkit.viewer import feature_maps as maps
 
 PLOTLY, VIEW = "application/vnd.plotly.v1+json", "application/vnd.jupyter.widget-view+json"
-
-
-def pixels(png: bytes) -> np.ndarray:
-    with Image.open(io.BytesIO(png)) as image:
-        return np.asarray(image.convert("RGB")).astype(int)
-
-
-def near(picture: np.ndarray, colour: str, within: int = 40) -> int:
-    """How many pixels are about of a colour."""
-    wanted = np.array([int(colour[n : n + 2], 16) for n in (1, 3, 5)])
-    return int((abs(picture - wanted).max(-1) < within).sum())
-
-
-def cloud(rows: int, columns: int = 2, seed: int = 0) -> torch.Tensor:
-    return torch.randn(rows, columns, generator=torch.Generator().manual_seed(seed))
 
 
 def grouped(rows: int, groups: int = 4, seed: int = 0) -> torch.Tensor:

@@ -1,14 +1,13 @@
 """Pictures and widgets of judging: they show the numbers they are given, and say what is wrong with them."""
 
 import base64
-import io
 import time
 
 import numpy as np
 import pytest
 import torch
+from looking import cloud, near, pixels
 from matplotlib.patches import Ellipse
-from PIL import Image
 
 import motionkit as mk
 from motionkit.viewer import LossCurve, cloud_explorer, judging_plots, plot_clouds, plot_confusion
@@ -19,21 +18,6 @@ curve = mk.viewer.LossCurve("lesson", every=0)
 for n in range(50):
     curve(n, 1 / (n + 1))
 """
-
-
-def pixels(png: bytes) -> np.ndarray:
-    with Image.open(io.BytesIO(png)) as image:
-        return np.asarray(image.convert("RGB")).astype(int)
-
-
-def near(picture: np.ndarray, colour: str, within: int = 40) -> int:
-    """How many pixels are about of a colour."""
-    wanted = np.array([int(colour[n : n + 2], 16) for n in (1, 3, 5)])
-    return int((abs(picture - wanted).max(-1) < within).sum())
-
-
-def cloud(rows: int, columns: int = 2, seed: int = 0) -> torch.Tensor:
-    return torch.randn(rows, columns, generator=torch.Generator().manual_seed(seed))
 
 
 # Clouds
