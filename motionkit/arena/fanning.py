@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import random
+import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
@@ -76,7 +77,9 @@ def fan_out(
     jobs = cpu_count() if jobs is None else jobs
     alone = len(tasks) < 2 or pieces <= _FEW or effective_n_jobs(jobs) == 1
     done = (_alone(function, shared, task) for task in tasks) if alone else _parallel(function, shared, tasks, jobs)
-    with tqdm(total=pieces, desc=says, unit=unit, leave=False) as progress:
+    with tqdm(total=pieces, desc=says, unit=unit, leave=False) as progress, warnings.catch_warnings():
+        # loky replaces a worker whose caches have grown, as they are meant to; nothing is lost by it
+        warnings.filterwarnings("ignore", "A worker stopped while some jobs were given")
         for task, found in zip(tasks, done):
             progress.update(len(task))
             yield found
