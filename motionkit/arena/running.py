@@ -97,7 +97,12 @@ class _Work:
         ids = {label: self._ids(label) for label in ("content", "style")}
         rows.append(Row(REAL, scores_of_clips(clips, ids, learned, setting), len(test)))
         views[REAL] = Results(REAL, test, tuple(Transfer(n, n) for n in range(len(test))), clips, ids)
-        return ArenaTable(tuple(rows), self.protocol.columns, self._provenance(), views)
+        return ArenaTable(tuple(rows), self._columns(rows), self._provenance(), views)
+
+    def _columns(self, rows: list[Row]) -> tuple[str, ...]:
+        """The protocol's columns but those that no row can have, as the truth's where nobody knows it."""
+        known = [c for c in self.protocol.columns if any(row.cell(c).value == row.cell(c).value for row in rows)]
+        return tuple(known) or self.protocol.columns
 
     @cached_property
     def transfers(self) -> tuple[Transfer, ...]:
