@@ -100,8 +100,9 @@ def test_stopped_and_gone_on_with(tmp_path, monkeypatch):
 
 
 SLOW = """
-import sys, time
+import signal, sys, time
 sys.path.insert(0, {tests!r})
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells start what is in the background without one
 from dataclasses import dataclass
 from made_clips import Made
 from motionkit.datasets import Item, Labels, build_cache

@@ -69,6 +69,18 @@ def test_what_judges_see_does_not_depend_on_where_a_motion_is(small, judge):
     assert (judge.scores([twice]) - judge.scores([motion])).abs().max() < 0.1
 
 
+def test_joints_in_another_order_are_put_in_order(small, judge, tmp_path):
+    motion = small.test[0].motion
+    read = mk.load(mk.save(motion, tmp_path / "a.bvh"))
+    assert read.skeleton.names != motion.skeleton.names
+    assert torch.allclose(judge.scores([read]), judge.scores([motion]), atol=1e-2)
+    parents = list(motion.skeleton.parents)
+    parents[judge.skeleton.index("head")] = judge.skeleton.index("spine3")
+    other = type(motion.skeleton)(motion.skeleton.names, tuple(parents), motion.skeleton.offsets)
+    with pytest.raises(mk.MotionKitError, match="differ in the joints' parents"):
+        judge.scores([motion.replace(skeleton=other)])
+
+
 def test_results_that_there_are_not_get_nan_and_are_counted_as_wrong(small, judge):
     motion = small.test[0].motion
     scores, features = judge.scores_and_features([motion, None])

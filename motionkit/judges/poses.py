@@ -17,7 +17,9 @@ WINDOW, STRIDE = 64, 32  # frames
 
 
 def fitting(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
-    """The motion's body at a judge's frame rate; MotionKitError if it is no motion, or its joints are others.
+    """The motion's body at a judge's frame rate, its joints in the judge's order (a BVH file has one of its own).
+
+    Raises MotionKitError if it is no motion, or its joints or their parents are others.
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
@@ -26,9 +28,9 @@ def fitting(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
     """
     if not isinstance(motion, Motion):
         raise MotionKitError(f"{who} judges motions; found {motion!r}{motion_inside(motion)}")
-    body = motion.body()
+    body = _in_order(motion.body(), skeleton)
     if not body.skeleton.same_tree(skeleton):
-        odd = sorted(set(body.skeleton.names) ^ set(skeleton.names)) or ["the order of the joints, or their parents"]
+        odd = sorted(set(body.skeleton.names) ^ set(skeleton.names)) or ["the joints' parents"]
         raise MotionKitError(
             f"{who} was trained on a skeleton of {len(skeleton)} joints; {motion.name!r} has {len(body.skeleton)}, and "
             f"they differ in {', '.join(odd[:4])}: retarget it with mk.retarget(motion, judge.skeleton), or train a "
@@ -37,6 +39,21 @@ def fitting(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
     if not len(body):
         raise MotionKitError(f"{who}: {motion.name!r} has no frames")
     return body if body.fps == fps else body.resample(fps)
+
+
+def _in_order(motion: Motion, like: Skeleton) -> Motion:
+    """The motion with its joints in another skeleton's order, if they are the same ones; else as it is."""
+    own = motion.skeleton
+    if own.names == like.names or sorted(own.names) != sorted(like.names):
+        return motion
+    order = [own.index(name) for name in like.names]
+    parents = tuple(-1 if own.parents[j] < 0 else like.names.index(own.names[own.parents[j]]) for j in order)
+    if parents != like.parents:
+        return motion
+    skeleton = Skeleton(like.names, parents, own.offsets[order])
+    return motion.replace(
+        skeleton=skeleton, rotations=motion.rotations[:, order], translations=motion.translations[:, order]
+    )
 
 
 def several(motions: Sequence[Motion | None]) -> list[Motion | None]:
