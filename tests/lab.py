@@ -177,8 +177,20 @@ class Page:
 
     def run_all(self, seconds: float = 120) -> None:
         """Runs all cells and waits until they are done; RuntimeError names a cell's error or the time-out."""
-        self.menu("Run", "Run All Cells")
+        for _ in range(3):  # JupyterLab now and then loses the command: no cell as much as waits, on an idle kernel
+            self.menu("Run", "Run All Cells")
+            if self._began():
+                break
         self.wait_done(seconds)
+
+    def _began(self, seconds: float = 10) -> bool:
+        """Whether some cell waits, or has run, before so many seconds are over."""
+        end = time.time() + seconds
+        while time.time() < end:
+            self.raw.wait_for_timeout(200)
+            if any(self._prompts()):
+                return True
+        return False
 
     def wait_done(self, seconds: float = 120) -> None:
         """Waits until every code cell that is not empty has a number; a cell's error ends the wait at once."""
