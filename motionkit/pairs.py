@@ -14,7 +14,7 @@ from torch import Tensor
 
 from . import rotations as rot
 from .alignment import EVEN, dtw, dtw_costs, movement, stall_of, warp
-from .datasets import Dataset
+from .datasets import Clip, Dataset
 from .datasets import load as load_dataset
 from .errors import MotionKitError
 from .motion import Motion
@@ -22,6 +22,21 @@ from .restyling import Memory, body_of, fitting, key_of, on_body, placed, rest_k
 
 NEUTRAL = ("neutral", "normal")  # what data sets call the style of their neutral clips
 _COARSE, _FINE = 4, 12  # many clips are first compared in every fourth frame; so many are then looked at closely
+
+
+class ByLabels:
+    """For methods whose `stylize` can be told what is done in both clips, and how: they take it from labelled clips."""
+
+    def transfer(self, content: Clip, style: Clip) -> Motion:
+        """`stylize` for labelled clips: their labels say where to look for pairs, and what is neutral already."""
+        return self.stylize(
+            content.motion,
+            style.motion,
+            content_label=content.content,
+            content_style=content.style,
+            style_content=style.content,
+            style_label=style.style,
+        )
 
 
 @dataclass(frozen=True, eq=False)

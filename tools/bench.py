@@ -2,14 +2,13 @@
 
 import json
 import os
-import platform
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
-import torch
+from motionkit.checkpoints import hardware
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -73,7 +72,7 @@ def write_result(path: Path, command: str, start: float, figures: dict, tables: 
     result = {
         "command": command,
         "commit": commit or "unknown",
-        "hardware": f"{os.cpu_count()} cores, {platform.machine()} CPU, torch {torch.__version__.split('+')[0]}",
+        "hardware": hardware(),
         "seed": 0,
         "seconds": round(time.perf_counter() - start, 1),
         "figures": figures,

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from ..datasets import Clip, Dataset
 from ..errors import MotionKitError
+from ..pairs import NEUTRAL
 
-NEUTRAL = ("neutral", "normal")  # what data sets call the style that is none
 ALL = (
     "fmd", "fmd_ae", "fmd_content", "fmd_style", "cra", "sra", "truth_error", "tsi", "fsf", "fca", "jitter", "seconds"
 )  # fmt: skip

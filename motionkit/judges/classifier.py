@@ -79,7 +79,7 @@ class Classifier:
         if unknown:
             raise MotionKitError(
                 f"this classifier knows the {self.label}s {', '.join(self.labels)}; {unknown[0]!r} is none of them: "
-                "take the classifier of the same dataset, or train one with mk.judges.train"
+                "take the classifier of the same dataset, or train one with mk.judges.train_classifier"
             )
         return torch.tensor([self.labels.index(label) for label in labels], dtype=torch.long)
 

@@ -34,7 +34,7 @@ def fitting(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
         raise MotionKitError(
             f"{who} was trained on a skeleton of {len(skeleton)} joints; {motion.name!r} has {len(body.skeleton)}, and "
             f"they differ in {', '.join(odd[:4])}: retarget it with mk.retarget(motion, judge.skeleton), or train a "
-            "classifier for this skeleton with mk.judges.train"
+            "classifier for this skeleton with mk.judges.train_classifier"
         )
     if not len(body):
         raise MotionKitError(f"{who}: {motion.name!r} has no frames")

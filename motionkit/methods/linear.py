@@ -9,10 +9,10 @@ from torch import Tensor
 
 from .. import rotations as rot
 from ..alignment import smoothed
-from ..datasets import Clip, Dataset
+from ..datasets import Dataset
 from ..errors import MotionKitError
 from ..motion import Motion
-from ..pairs import NEUTRAL, NeutralPairs, Pair, add_difference
+from ..pairs import NEUTRAL, ByLabels, NeutralPairs, Pair, add_difference
 from ..restyling import Memory, body_of, check_clips, in_step, key_of, named, on_the_ground, rest_key, same_rest
 
 _TAPS = (-1 / 3, -1 / 6, 0.0, 1 / 6, 1 / 3)  # seconds from the frame that is predicted
@@ -72,7 +72,7 @@ def _moments(x: Tensor, fps: float) -> Tensor:
     return torch.cat([x[(frames + round(t * fps)).clamp(0, len(x) - 1)] for t in _TAPS], 1)
 
 
-class Linear:
+class Linear(ByLabels):
     """Linear time-invariant style translation, in the manner of Hsu, Pulli and Popovic 2005.
 
     Theirs: neutral and styled performances of the same are aligned by time warping, and a linear time-invariant system
@@ -107,17 +107,6 @@ class Linear:
         """Learn from this dataset from now on; its clips are read when their style is first asked for."""
         self.pairs, self._filters = NeutralPairs(train), Memory(128)
         return self
-
-    def transfer(self, content: Clip, style: Clip) -> Motion:
-        """`stylize` for labelled clips: of the style clip its label counts, where the library has that style."""
-        return self.stylize(
-            content.motion,
-            style.motion,
-            content_label=content.content,
-            content_style=content.style,
-            style_content=style.content,
-            style_label=style.style,
-        )
 
     def stylize(
         self,

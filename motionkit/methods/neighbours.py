@@ -11,16 +11,16 @@ import torch
 from torch import Tensor
 
 from ..alignment import movement, smoothed
-from ..datasets import Clip, Dataset
+from ..datasets import Dataset
 from ..motion import Motion
-from ..pairs import NEUTRAL, NeutralPairs, add_difference
+from ..pairs import NEUTRAL, ByLabels, NeutralPairs, add_difference
 from ..restyling import body_of, check_clips, in_step, named, on_the_ground
 
 _NEAR = 0.3  # frames less unlike than this, in the unit of `movement`, count as the same
 _EASE = 0.07  # seconds: standard deviation of the Gaussian over differences that are carried over
 
 
-class KnnDtw:
+class KnnDtw(ByLabels):
     """KNN + DTW style transfer (paper 1, section 6.2, tables 2 and 3): pairs from a library, no training.
 
     The style clip's pair is the nearest segment of a neutral clip of the same content, aligned by dynamic time warping.
@@ -57,17 +57,6 @@ class KnnDtw:
         """
         check_clips(self.name, style, style)
         return self.pairs.neutral_of(style, content)
-
-    def transfer(self, content: Clip, style: Clip) -> Motion:
-        """`stylize` for labelled clips: their labels say where to look for pairs, and what is neutral already."""
-        return self.stylize(
-            content.motion,
-            style.motion,
-            content_label=content.content,
-            content_style=content.style,
-            style_content=style.content,
-            style_label=style.style,
-        )
 
     def stylize(
         self,
