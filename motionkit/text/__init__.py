@@ -1,0 +1,42 @@
+"""Sentences: encoders that turn them into vectors, and rewriting them from style to neutral and back.
+
+>>> import torch
+>>> similarity(torch.tensor([[1.0, 1.0]]), torch.tensor([[2.0, 2.0]])).round(decimals=4)
+tensor([[1.]])
+"""
+
+from __future__ import annotations
+
+from ..errors import MotionKitError
+from .encoder import Remembered, TextEncoder, check_prompt, content_key, similarity
+
+__all__ = ["Remembered", "TextEncoder", "check_prompt", "content_key", "load", "similarity"]
+
+_FORMS = "'mini', 'sentence-transformers:NAME_OR_FOLDER', 'clip:NAME_OR_FOLDER' or 'open-clip:ARCH@WEIGHTS'"
+
+
+def load(name: str = "mini") -> TextEncoder:
+    """A text encoder by name; those of other people come as `Remembered`, since they are slow.
+
+    name: "mini", the kit's own; "sentence-transformers:all-MiniLM-L6-v2" or a folder;
+    "clip:openai/clip-vit-base-patch32" or a folder (through `transformers`); "open-clip:ViT-B-32@openai", where a file
+    of weights may follow the @. Names are looked up on disk, then on the network. Raises MotionKitError for a name of
+    another form, where packages are missing (`pip install -e .[text]`), and where a model is neither on disk nor to be
+    had.
+
+    >>> load("bert")
+    Traceback (most recent call last):
+    ...
+    motionkit.errors.MotionKitError: no text encoder 'bert'; expected 'mini', ...
+    """
+    if name == "mini":
+        from .mini import load_mini
+
+        return load_mini()
+    kind, _, model = str(name).partition(":")
+    if kind not in ("sentence-transformers", "clip", "open-clip") or not model.strip():
+        raise MotionKitError(f"no text encoder {name!r}; expected {_FORMS}")
+    from . import pretrained
+
+    make = {"sentence-transformers": pretrained.sentence_transformer, "clip": pretrained.clip}
+    return Remembered(make.get(kind, pretrained.open_clip)(model))
