@@ -1,0 +1,242 @@
+"""Samplers: from noise to a motion, in many steps or few.
+
+Each is a plain function of `predict`, a callable (x [B, ...], t long [B]) to the clean x0 that it sees in x at step t.
+Those who have a network that predicts noise wrap it in `diffusion.from_noise`; text comes in with `guided`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from .diffusion import NoiseSchedule, noise_from_x0, posterior, x0_from_noise
+from .errors import MotionKitError
+from .features import Layout
+
+Predict = Callable[[Tensor, Tensor], Tensor]
+Inpaint = Callable[[Tensor], Tensor]
+Callback = Callable[[int, Tensor, Tensor], object]
+
+
+def timesteps(schedule: NoiseSchedule, steps: int | None = None, start: int | None = None) -> list[int]:
+    """The steps that a sampler stops at on its way to 0, noisiest first.
+
+    steps: how many there would be from T on; left out, all. start: where it begins; T if left out. Paper 1 (section
+    4): with S = 20 of T = 1000, a start at K = 300 leaves 6. Raises MotionKitError for numbers out of range.
+
+    >>> timesteps(NoiseSchedule.cosine(1000), steps=20, start=300)
+    [300, 250, 200, 150, 100, 50]
+    """
+    most = schedule.steps
+    steps, start = most if steps is None else steps, most if start is None else start
+    if not 1 <= steps <= most or not 1 <= start <= most:
+        raise MotionKitError(f"steps and start must be from 1 to {most}; found steps={steps}, start={start}")
+    found = [round(start - n * most / steps) for n in range(steps)]
+    return [t for t in found if t > 0]
+
+
+def ddpm(
+    predict: Predict,
+    x: Tensor,
+    schedule: NoiseSchedule,
+    steps: int | None = None,
+    start: int | None = None,
+    inpaint: Inpaint | None = None,
+    callback: Callback | None = None,
+    generator: torch.Generator | None = None,
+) -> Tensor:
+    """Ancestral sampling (Ho et al. 2020, algorithm 2): some noise goes at every step, and a little fresh noise comes.
+
+    x: [B, ...] at step `start`, standard normal if that is T. steps, start: see `timesteps`. inpaint: changes every
+    prediction of x0, see `inpainting`. callback: called after each step with the step reached, x there, and the x0 that
+    led to it. generator: of the fresh noise. Returns x at step 0.
+
+    >>> ddpm(lambda x, t: torch.full_like(x, 3.0), torch.randn(1, 2), NoiseSchedule.cosine(), steps=5)
+    tensor([[3., 3.]])
+    """
+    stops = timesteps(schedule, steps, start)
+    for t, s in zip(stops, [*stops[1:], 0]):
+        x0 = _predicted(predict, x, t, inpaint)
+        x, variance = posterior(x, x0, t, s, schedule)
+        if s > 0:
+            x = x + variance**0.5 * _normal(x, generator)
+        if callback is not None:
+            callback(s, x, x0)
+    return x
+
+
+def ddim(
+    predict: Predict,
+    x: Tensor,
+    schedule: NoiseSchedule,
+    steps: int | None = 50,
+    start: int | None = None,
+    inpaint: Inpaint | None = None,
+    callback: Callback | None = None,
+    generator: torch.Generator | None = None,
+    eta: float = 0.0,
+) -> Tensor:
+    """DDIM (Song, Meng, Ermon 2021, eq. 12): without fresh noise, so the same x gives the same answer, in few steps.
+
+    eta: how much fresh noise there is after all, from 0 to 1, which is `ddpm`. Other arguments as there. Raises
+    MotionKitError for another eta.
+
+    >>> x, schedule = torch.randn(1, 2), NoiseSchedule.cosine()
+    >>> bool(torch.equal(ddim(lambda x, t: x / 2, x, schedule, 5), ddim(lambda x, t: x / 2, x, schedule, 5)))
+    True
+    """
+    if not 0 <= eta <= 1:
+        raise MotionKitError(f"eta must be from 0 (no fresh noise) to 1 (as much as ddpm); found {eta}")
+    stops = timesteps(schedule, steps, start)
+    for t, s in zip(stops, [*stops[1:], 0]):
+        x0 = _predicted(predict, x, t, inpaint)
+        fresh = eta * posterior(x, x0, t, s, schedule)[1] ** 0.5
+        bar = float(schedule.alphas_bar[s])
+        x = bar**0.5 * x0 + max(1 - bar - fresh**2, 0.0) ** 0.5 * noise_from_x0(x, x0, t, schedule)
+        if fresh > 0:
+            x = x + fresh * _normal(x, generator)
+        if callback is not None:
+            callback(s, x, x0)
+    return x
+
+
+def ddim_invert(
+    predict: Predict,
+    x: Tensor,
+    schedule: NoiseSchedule,
+    steps: int | None = 50,
+    stop: int | None = None,
+    callback: Callback | None = None,
+) -> Tensor:
+    """DDIM backwards: the noise at step `stop` from which `ddim` makes this clean x [B, ...] again, nearly.
+
+    The prediction at the step ahead stands in for the one here, which is exact as steps become many (Song, Meng, Ermon
+    2021, section 4.3; paper 1, section 4, runs its forward process so). Other arguments as in `ddim`.
+
+    >>> schedule, predict = NoiseSchedule.cosine(), lambda x, t: torch.full_like(x, 3.0)
+    >>> x = ddim_invert(predict, torch.full((1, 2), 3.0), schedule, 20, stop=300)
+    >>> bool(torch.allclose(ddim(predict, x, schedule, 20, start=300), torch.full((1, 2), 3.0)))
+    True
+    """
+    stops = timesteps(schedule, steps, stop)[::-1]
+    for s, t in zip([0, *stops[:-1]], stops):
+        x0 = _predicted(predict, x, t, None)
+        noise = noise_from_x0(x, x0, t, schedule)
+        bar = float(schedule.alphas_bar[t])
+        x = bar**0.5 * x0_from_noise(x, noise, s, schedule) + (1 - bar) ** 0.5 * noise
+        if callback is not None:
+            callback(t, x, x0)
+    return x
+
+
+def dpm_solver(
+    predict: Predict,
+    x: Tensor,
+    schedule: NoiseSchedule,
+    steps: int = 10,
+    start: int | None = None,
+    inpaint: Inpaint | None = None,
+    callback: Callback | None = None,
+) -> Tensor:
+    """DPM-Solver++ (2M) of Lu et al. 2022, algorithm 2: it uses the step before too; ten steps do the work of fifty.
+
+    No fresh noise; arguments as in `ddim`. The last step, to 0, is the prediction of x0 itself.
+
+    >>> dpm_solver(lambda x, t: torch.full_like(x, 3.0), torch.randn(1, 2), NoiseSchedule.cosine(), steps=5)
+    tensor([[3., 3.]])
+    """
+    stops, before, length_before = timesteps(schedule, steps, start), None, 0.0
+    for t, s in zip(stops, [*stops[1:], 0]):
+        x0 = _predicted(predict, x, t, inpaint)
+        bar_t, bar_s = (float(schedule.alphas_bar[n]) for n in (t, s))
+        length = float(schedule.log_snr[s] - schedule.log_snr[t])  # h of the paper; infinite on the last step
+        ahead = x0
+        if before is not None and s > 0:
+            ahead = x0 + 0.5 * length / length_before * (x0 - before)
+        shrink = ((1 - bar_s) / (1 - bar_t)) ** 0.5
+        x = shrink * x + (bar_s**0.5 - shrink * bar_t**0.5) * ahead
+        before, length_before = x0, length
+        if callback is not None:
+            callback(s, x, x0)
+    return x
+
+
+def _predicted(predict: Predict, x: Tensor, t: int, inpaint: Inpaint | None) -> Tensor:
+    x0 = predict(x, torch.full((len(x),), t, device=x.device))
+    return x0 if inpaint is None else inpaint(x0)
+
+
+def _normal(like: Tensor, generator: torch.Generator | None) -> Tensor:
+    """Standard normal numbers, drawn on the CPU so that a seed means the same on every machine."""
+    return torch.randn(like.shape, generator=generator).to(like)
+
+
+def guidance(conditioned: Tensor, unconditioned: Tensor, scale: float) -> Tensor:
+    """Classifier-free guidance: scale x conditioned + (1 - scale) x unconditioned (paper 4, eq. 5).
+
+    Predictions with and without the condition, [B, ...]; 1 is the condition as it is, more exaggerates it.
+
+    >>> guidance(torch.tensor([3.0]), torch.tensor([1.0]), scale=2.0)
+    tensor([5.])
+    """
+    return scale * conditioned + (1 - scale) * unconditioned
+
+
+def guided(
+    model: Callable[..., Tensor], condition: Tensor, nothing: Tensor, scale: float = 2.5, **more: Tensor
+) -> Predict:
+    """A network with a condition as `predict`, both of its predictions made in one call (paper 4, eq. 5).
+
+    model: called as (x [B, ...], t [B], condition [B, D], more). nothing: the condition that says nothing, [D]. scale:
+    see `guidance`; at 1 the network is asked once. more: tensors [B, ...] that it gets beside, such as a mask.
+
+    >>> predict = guided(lambda x, t, c: x * 0 + c, torch.tensor([[3.0]]), torch.tensor([1.0]), scale=2.0)
+    >>> predict(torch.zeros(1, 1), torch.tensor([5]))
+    tensor([[5.]])
+    """
+    if scale == 1:
+        return lambda x, t: model(x, t, condition, **more)
+    both = torch.cat((condition, nothing.expand_as(condition)))
+    twice = {name: torch.cat((value, value)) for name, value in more.items()}
+
+    def predict(x: Tensor, t: Tensor) -> Tensor:
+        return guidance(*model(torch.cat((x, x)), torch.cat((t, t)), both, **twice).chunk(2), scale)
+
+    return predict
+
+
+def inpainting(known: Tensor, where: Tensor) -> Inpaint:
+    """Puts what is known in the place of what was predicted, at every step (paper 1, eq. 8).
+
+    known: clean features [F, D] or [B, F, D]. where: bool that broadcasts against them, see `named`.
+
+    >>> inpainting(torch.zeros(2, 3), torch.tensor([True, False, False]))(torch.ones(1, 2, 3))[0, 0]
+    tensor([0., 1., 1.])
+    """
+    return lambda x0: torch.where(where.to(x0.device), known.to(x0), x0)
+
+
+def named(layout: Layout, *names: str) -> Tensor:
+    """Which numbers of a pose have one of these names, bool [D]: a part ("root") or a component of it.
+
+    Paper 1 (eq. 8) keeps `named(layout, "root x velocity", "root z velocity")`. A component is written as
+    `layout.describe` writes it, from its start on. Raises MotionKitError if nothing has a name.
+
+    >>> import motionkit as mk
+    >>> layout = mk.features.FacingFree(mk.skeleton.smpl(), 30)
+    >>> named(layout, "root x velocity", "root z velocity").nonzero().flatten().tolist()
+    [1, 2]
+    """
+    words = [layout.describe(n) for n in range(layout.size)]
+    found = torch.zeros(layout.size, dtype=torch.bool)
+    for name in names:
+        hits = torch.tensor([f"{w} ".startswith(f"{name} ") for w in words])
+        if not bool(hits.any()):
+            raise MotionKitError(
+                f"no number of {type(layout).__name__} is called {name!r}; the first are {words[:4]}, and its parts "
+                f"are {', '.join(layout.slices)}"
+            )
+        found |= hits
+    return found
