@@ -23,10 +23,9 @@ class NoiseSchedule:
 
     alphas_bar: float64 [T + 1], the share of the variance that is signal (paper 1, below eq. 2); 1 at step 0, falling.
 
-    >>> schedule = NoiseSchedule.cosine(1000)
-    >>> schedule
-    NoiseSchedule(1000 steps; half of the variance is noise from step 496 on)
-    >>> [round(float(schedule.alphas_bar[t]), 3) for t in (0, 250, 500, 1000)]
+    >>> NoiseSchedule.linear(1000)
+    NoiseSchedule(1000 steps; half of the variance is noise from step 260 on)
+    >>> [round(float(NoiseSchedule.cosine(1000).alphas_bar[t]), 3) for t in (0, 250, 500, 1000)]
     [1.0, 0.847, 0.494, 0.0]
     """
 
