@@ -7,8 +7,10 @@ import pytest
 
 import motionkit as mk
 from motionkit.actor import CONTENTS, SEEN, UNSEEN, perform, retell
-from motionkit.actor.captions import STYLES, captions, to_neutral, to_style
+from motionkit.actor.captions import captions
 from motionkit.datasets import captions as captured
+from motionkit.text import to_neutral, to_style
+from motionkit.text.words import STYLES
 
 NAMES = SEEN + UNSEEN
 STYLED = [name for name in NAMES if name != "neutral"]
@@ -31,7 +33,7 @@ def every(style: str, count: int = 12) -> list[tuple[str, str]]:
 @cache
 def words_of(style: str) -> re.Pattern:
     """Any word that tells the style: phrases, adjectives, and verbs in all their forms."""
-    how, who, walks = STYLES[style]
+    how, who, walks = STYLES[style][:3]
     stems = [re.sub("(e|p|t)$", "", walk) for walk in walks] + (["strode"] if "stride" in walks else [])
     stems += ["crept"] if "creep" in walks else []
     return re.compile(rf"\b({'|'.join((*how, *who))})\b" + (rf"|\b({'|'.join(stems)})" if stems else ""))
@@ -69,7 +71,7 @@ def test_the_first_is_the_papers_form():
     assert captions("walk")[0] == "a person is walking neutrally"
     assert captions(["walk", "jump"], "tired")[0] == "a person is walking and then jumping, in weariness"
     assert captions("walk", "drunk", subject="an ostrich")[0] == "an ostrich is walking in drunkenness"
-    shared = [s for s in NAMES if s in captured._HOW]
+    shared = [s for s in NAMES if STYLES[s].captured]
     assert len(shared) >= 8  # captures and the performer speak alike
     for style in shared:
         assert captions("run", style)[0] == captured.captions("running", "", style)[0]
@@ -153,7 +155,7 @@ def test_neutral_captions_stay_as_they_are():
         assert to_neutral(text) == text
 
 
-@pytest.mark.parametrize("style", sorted(set(captured._HOW) & set(STYLES) - {"neutral", "normal"}))
+@pytest.mark.parametrize("style", sorted(set(STYLES) - {"neutral", "normal"}))
 def test_captions_of_captures_are_rewritten_too(style):
     for text in captured.captions("running", "jogging along", style):
         assert re.fullmatch("(a person|someone) is (running|jogging along) neutrally", to_neutral(text)), text
@@ -178,8 +180,12 @@ def test_sentences_of_others(caption, neutral):
 
 
 def test_bad_input():
-    with pytest.raises(mk.MotionKitError, match="no words for style 'olt'; .*'old'"):
-        to_style("a person walks", "olt")
+    for style in ("", "--", None):
+        with pytest.raises(mk.MotionKitError, match="style: expected a label"):
+            to_style("a person walks", style)
+    for rewritten in (to_neutral, lambda caption: to_style(caption, "old")):
+        with pytest.raises(mk.MotionKitError, match="caption: expected a sentence; found 3"):
+            rewritten(3)
     for count in (0, -1, 1.5, "4"):
         with pytest.raises(mk.MotionKitError, match="count: expected a whole number"):
             captions("walk", "old", count=count)

@@ -1,16 +1,16 @@
 """Sentences: encoders that turn them into vectors, and rewriting them from style to neutral and back.
 
->>> import torch
->>> similarity(torch.tensor([[1.0, 1.0]]), torch.tensor([[2.0, 2.0]])).round(decimals=4)
-tensor([[1.]])
+>>> to_neutral("an old person shuffles forward")
+'a person walks forward neutrally'
 """
 
 from __future__ import annotations
 
 from ..errors import MotionKitError
 from .encoder import Remembered, TextEncoder, check_prompt, content_key, similarity
+from .rewriting import to_neutral, to_style
 
-__all__ = ["Remembered", "TextEncoder", "check_prompt", "content_key", "load", "similarity"]
+__all__ = ["Remembered", "TextEncoder", "check_prompt", "content_key", "load", "similarity", "to_neutral", "to_style"]
 
 _FORMS = "'mini', 'sentence-transformers:NAME_OR_FOLDER', 'clip:NAME_OR_FOLDER' or 'open-clip:ARCH@WEIGHTS'"
 
