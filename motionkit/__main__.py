@@ -15,6 +15,7 @@ from .bvh import load, save
 from .errors import MotionKitError
 from .files import MotionKitWarning
 
+_TRAINED = ["judge", "content", "style", "autoencoder", "prior", "discriminator", "text"]
 _UNIT_HELP = "metres in one unit of the file (0.01 for centimetres); guessed from the skeleton's size if left out"
 
 
@@ -60,24 +61,33 @@ def _add_perform(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
-    train = commands.add_parser("train", help="train what judges results on a dataset, and write weights with a card")
-    train.add_argument("what", choices=["judge", "content", "style", "autoencoder"], help="judge: all three")
+    train = commands.add_parser("train", help="train on a dataset, and write weights with a card")
+    train.add_argument("what", choices=_TRAINED, help="judge: content, style and autoencoder")
     train.add_argument("--data", default="actor", help=f"one of: {', '.join(datasets.names())}")
     train.add_argument("--root", help="the folder or zip of the captures, where the dataset needs one")
     train.add_argument("--config", default="laptop", choices=["tiny", "laptop", "paper"], help="the network's size")
     train.add_argument("--steps", type=int, help="batches; left out, the recipe's")
     train.add_argument("--seed", type=int, default=0)
+    train.add_argument("--text", default="mini", help="the text encoder of a prior, such as clip:FOLDER")
 
 
 def _train(args: argparse.Namespace) -> None:
-    from .judges.recipes import PARTS, train_part
-    from .layers import StGcnConfig
-
-    data, config = datasets.load(args.data, args.root), getattr(StGcnConfig, args.config)()
-    for part in PARTS if args.what == "judge" else [args.what]:
+    data, judged = datasets.load(args.data, args.root), args.what in ("judge", "content", "style", "autoencoder")
+    for part in ("content", "style", "autoencoder") if args.what == "judge" else [args.what]:
         command = f"python -m motionkit train {part} --data {args.data} --config {args.config} --seed {args.seed}"
         command += f" --steps {args.steps}" if args.steps else ""
-        print(train_part(part, data, config, args.steps, args.seed, command))
+        command += f" --text {args.text}" if args.text != "mini" else ""
+        if judged:
+            from .judges.recipes import train_part
+            from .layers import StGcnConfig
+
+            print(train_part(part, data, getattr(StGcnConfig, args.config)(), args.steps, args.seed, command))
+        else:
+            from .layers import TransformerConfig
+            from .priors.commands import train_part
+
+            config = getattr(TransformerConfig, args.config)()
+            print(train_part(part, data, config, args.steps, args.seed, command, args.text))
 
 
 def _info(args: argparse.Namespace) -> None:

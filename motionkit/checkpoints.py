@@ -130,6 +130,16 @@ def load_into(model: torch.nn.Module, tensors: Mapping[str, Tensor], where: str 
     model.load_state_dict(tensors)
 
 
+def same_encoder(path: str | os.PathLike, card: Mapping, encoder):
+    """The text encoder, if it is the one that these weights learned with; MotionKitError otherwise."""
+    if encoder.key != card["text_key"]:
+        raise MotionKitError(
+            f"{path}: these weights learned from sentences as another {card['text_encoder']!r} encodes them, and the "
+            f"one here is {encoder.name!r} with other weights; give the encoder they came with, or train them again"
+        )
+    return encoder
+
+
 def skeleton_card(skeleton: Skeleton) -> dict:
     """A skeleton for a card: names, parents, and offsets in metres to a micrometre."""
     offsets = [[round(x, 6) for x in row] for row in skeleton.offsets.tolist()]

@@ -1,4 +1,8 @@
-"""One training loop for everything that learns here: it shows progress, and a run broken off goes on where it was."""
+"""One training loop for everything that learns here: it shows progress, and a run broken off goes on where it was.
+
+It stands on `accelerate`, so the same call trains on a CPU, a GPU, several of them and several machines
+(`accelerate launch -m motionkit train ...`).
+"""
 
 from __future__ import annotations
 
@@ -6,18 +10,17 @@ import math
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save as tensors_as_bytes
+from accelerate import Accelerator
 from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel
 from tqdm.auto import tqdm
 
-from .checkpoints import load_into
+from . import kept_runs
 from .errors import MotionKitError
-from .files import write_atomic
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,8 @@ class Schedule:
     """How long and how fast: AdamW whose rate rises for a tenth of the steps, then falls as a cosine.
 
     steps: batches. rate: the highest. decay: of the weights. clip: the longest gradient. seed: says every batch.
+    average: how much of the running mean of the weights stays at each step (EMA), such as 0.999; the trained model gets
+    that mean. 0 is none.
     """
 
     steps: int
@@ -32,6 +37,7 @@ class Schedule:
     decay: float = 1e-3
     clip: float = 1.0
     seed: int = 0
+    average: float = 0.0
 
     def rate_at(self, step: int) -> float:
         """The learning rate of a step, from 0.
@@ -45,91 +51,154 @@ class Schedule:
         return self.rate * 0.5 * (1 + math.cos(math.pi * (step - warm + 1) / max(self.steps - warm, 1)))
 
 
+@dataclass
+class Run:
+    """What a training left behind: the loss of every step, and the seconds it took, all its parts together."""
+
+    losses: list[float] = field(default_factory=list)
+    seconds: float = 0.0
+
+    @property
+    def steps_per_second(self) -> float:
+        """How fast it went."""
+        return len(self.losses) / max(self.seconds, 1e-9)
+
+
+@dataclass(eq=False)
+class _Learner:
+    """The parts of a run: the model as accelerate wraps it, its optimizer and its running mean."""
+
+    accelerator: Accelerator
+    model: nn.Module
+    optimizer: torch.optim.Optimizer
+    mean: AveragedModel | None
+
+    @classmethod
+    def of(cls, model: nn.Module, schedule: Schedule) -> _Learner:
+        """On the device that there is; mixed precision (bfloat16) on a GPU."""
+        accelerator = Accelerator(mixed_precision="bf16" if torch.cuda.is_available() else "no")
+        optimizer = torch.optim.AdamW(model.parameters(), schedule.rate, weight_decay=schedule.decay)
+        wrapped, optimizer = accelerator.prepare(model, optimizer)
+
+        def keep_some(means: list[Tensor], now: list[Tensor], count: Tensor) -> None:
+            n = int(count)  # the first steps count for less, or the mean would remember the beginning
+            torch._foreach_lerp_(means, now, 1 - min(schedule.average, (1 + n) / (10 + n)))
+
+        mean = AveragedModel(model, multi_avg_fn=keep_some) if schedule.average else None
+        return cls(accelerator, wrapped, optimizer, mean)
+
+    @property
+    def bare(self) -> nn.Module:
+        """The model itself."""
+        return self.accelerator.unwrap_model(self.model)
+
+    @property
+    def raw_optimizer(self) -> torch.optim.Optimizer:
+        """Torch's optimizer."""
+        return getattr(self.optimizer, "optimizer", self.optimizer)
+
+
 def fit(
     model: nn.Module,
-    loss_of: Callable[[int], Tensor],
+    loss_of: Callable[[nn.Module, int], Tensor],
     schedule: Schedule,
     *,
     keep: str | os.PathLike | None = None,
     every: float = 30.0,
     title: str = "training",
     show: Callable[[int, float], object] | None = None,
-) -> list[float]:
-    """Train a model in place; returns the loss of every step.
+    batch_of: Callable[[int], str] | None = None,
+) -> Run:
+    """Train a model in place; returns its `Run`. What is on a GPU while it trains comes back to where it was.
 
-    loss_of: the loss of step n. torch's random numbers are seeded anew for every step, so a resumed run gives the
-    losses of an unbroken one. keep: a file for the state of the run, written every `every` seconds; if it is there
-    already, the run goes on from it; it is removed at the end. show: called after each step with its number and loss.
-    Raises MotionKitError for a loss that is not finite (what was kept is of before), or a kept state of another model.
+    loss_of: the loss of step n, of the model that it is given (call that one: several processes find each other's
+    gradients through it). torch's random numbers are seeded anew for every step and process, so a resumed run gives the
+    losses of an unbroken one, and n processes see n batches a step. keep: a file for the state of the run, written
+    every `every` seconds; if it is there already, the run goes on from it; it is removed at the end. show: called after
+    each step with its number and loss. batch_of: says what is in the batch of a step, for messages. Raises
+    MotionKitError for a loss or gradient that is not finite (the state before that step is kept), or a kept state of
+    another model.
 
     >>> line = nn.Linear(1, 1)
-    >>> losses = fit(line, lambda n: ((line(torch.ones(4, 1)) - 3) ** 2).mean(), Schedule(200, rate=0.1), title="")
-    >>> bool(losses[-1] < 1e-3 * losses[0])
-    True
+    >>> def miss(model, step):
+    ...     return ((model(torch.ones(4, 1)) - 3) ** 2).mean()
+    >>> run = fit(line, miss, Schedule(200, rate=0.1), title="")
+    >>> len(run.losses), bool(run.losses[-1] < 1e-3 * run.losses[0])
+    (200, True)
     """
-    optimizer = torch.optim.AdamW(model.parameters(), schedule.rate, weight_decay=schedule.decay)
-    kept = Path(keep) if keep is not None else None
-    losses = _resume(kept, model, optimizer, schedule) if kept is not None and kept.exists() else []
-    saved, first = time.monotonic(), len(losses)
-    model.train()
-    for step in (steps := tqdm(range(first, schedule.steps), title, schedule.steps, initial=first, disable=not title)):
-        losses.append(_step(model, loss_of, optimizer, schedule, step))
-        if show is not None:
-            show(step, losses[-1])
-        steps.set_postfix(loss=f"{losses[-1]:.3f}", refresh=False)
-        if kept is not None and time.monotonic() - saved > every:
-            _keep(kept, model, optimizer, schedule, losses)
-            saved = time.monotonic()
-    if kept is not None:
+    home = next(model.parameters()).device
+    learner, kept, run = _Learner.of(model, schedule), Path(keep) if keep is not None else None, Run()
+    if kept is not None and kept.exists():
+        run.losses, run.seconds = kept_runs.read(kept, learner.bare, learner.raw_optimizer, learner.mean, schedule)
+    learner.model.train()
+    try:
+        _go(learner, loss_of, schedule, run, kept, every, title, show, batch_of)
+    finally:
+        model.to(home)
+    if learner.mean is not None:
+        model.load_state_dict(learner.mean.module.state_dict())
+    if kept is not None and learner.accelerator.is_main_process:
         kept.unlink(missing_ok=True)
     model.eval()
-    return losses
+    return run
 
 
-def _step(
-    model: nn.Module, loss_of: Callable[[int], Tensor], optimizer: torch.optim.AdamW, schedule: Schedule, step: int
-) -> float:
-    torch.manual_seed(schedule.seed * 1_000_003 + step)
-    for group in optimizer.param_groups:
+def _go(learner, loss_of, schedule, run, kept, every, title, show, batch_of) -> None:
+    """All steps that are left; keeps the state now and then, and before it stops at a loss that is not finite."""
+    main, first, saved, before = learner.accelerator.is_main_process, len(run.losses), time.monotonic(), run.seconds
+    begun = saved
+
+    def keep_now() -> None:
+        if kept is not None and main:
+            kept_runs.write(kept, learner.bare, learner.raw_optimizer, learner.mean, schedule, run.losses, run.seconds)
+
+    quiet = not title or not main
+    for step in (steps := tqdm(range(first, schedule.steps), title, schedule.steps, initial=first, disable=quiet)):
+        try:
+            run.losses.append(_step(learner, loss_of, schedule, step))
+        except FloatingPointError as error:
+            keep_now()
+            raise MotionKitError(_not_finite(step, schedule, str(error), batch_of, kept)) from None
+        run.seconds = before + time.monotonic() - begun
+        steps.set_postfix(loss=f"{run.losses[-1]:.3f}", refresh=False)
+        if show is not None and main:
+            show(step, run.losses[-1])
+        if time.monotonic() - saved > every:
+            keep_now()
+            saved = time.monotonic()
+
+
+def _step(learner: _Learner, loss_of: Callable, schedule: Schedule, step: int) -> float:
+    """One step of the optimizer; the mean loss of all processes. FloatingPointError before any harm is done."""
+    seed_batch(schedule, step, learner.accelerator.process_index)
+    for group in learner.optimizer.param_groups:
         group["lr"] = schedule.rate_at(step)
-    optimizer.zero_grad()
-    loss = loss_of(step)
-    if not torch.isfinite(loss):
-        raise MotionKitError(
-            f"training: the loss of step {step} is {loss.item()}; look at that batch, or take a smaller rate"
-        )
-    loss.backward()
-    nn.utils.clip_grad_norm_(model.parameters(), schedule.clip)
-    optimizer.step()
-    return loss.item()
+    learner.optimizer.zero_grad()
+    with learner.accelerator.autocast():
+        loss = loss_of(learner.model, step)
+    learner.accelerator.backward(loss)
+    length = nn.utils.clip_grad_norm_(learner.model.parameters(), schedule.clip)
+    everyone = learner.accelerator.reduce(torch.stack((loss.detach().float(), length.detach().float())), "mean")
+    value, length = everyone.tolist()
+    if not math.isfinite(value) or not math.isfinite(length):
+        raise FloatingPointError(f"the loss of step {step} is {value}, the length of its gradient {length}")
+    learner.optimizer.step()
+    if learner.mean is not None:
+        learner.mean.update_parameters(learner.bare)
+    return value
 
 
-def _keep(path: Path, model: nn.Module, optimizer: torch.optim.AdamW, schedule: Schedule, losses: list[float]) -> None:
-    tensors = {f"model.{name}": value.contiguous() for name, value in model.state_dict().items()}
-    for number, values in optimizer.state_dict()["state"].items():
-        tensors |= {f"optimizer.{number}.{name}": value.contiguous() for name, value in values.items()}
-    tensors["losses"] = torch.tensor(losses, dtype=torch.float64)
-    write_atomic(path, tensors_as_bytes(tensors, _begun(schedule)))
+def _not_finite(step: int, schedule: Schedule, what: str, batch_of: Callable | None, kept: Path | None) -> str:
+    batch = f"; its batch: {batch_of(step)}" if batch_of is not None else f"; its batch is that of seed {schedule.seed}"
+    state = f"; the state before that step is in {kept}" if kept is not None else ""
+    return f"training: {what}{batch}{state}. Look for bad numbers in those clips, or take a smaller rate"
 
 
-def _resume(path: Path, model: nn.Module, optimizer: torch.optim.AdamW, schedule: Schedule) -> list[float]:
-    try:
-        with safe_open(path, "pt") as file:
-            tensors, same = {name: file.get_tensor(name) for name in file.keys()}, file.metadata() == _begun(schedule)  # noqa: SIM118
-    except (SafetensorError, OSError) as error:
-        raise MotionKitError(f"{path}: the kept run cannot be read ({error}); remove it to start again") from None
-    if not same:
-        raise MotionKitError(f"{path}: this run was begun with another schedule; remove it to start again")
-    weights = {k.removeprefix("model."): v for k, v in tensors.items() if k.startswith("model.")}
-    load_into(model, weights, path)
-    state: dict[int, dict[str, Tensor]] = {}
-    for key, value in tensors.items():
-        if key.startswith("optimizer."):
-            _, number, name = key.split(".", 2)
-            state.setdefault(int(number), {})[name] = value
-    optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
-    return tensors["losses"].tolist()
+def seed_batch(schedule: Schedule, step: int, rank: int = 0) -> None:
+    """Seed torch's random numbers as `fit` does before step n of a process, to draw that batch again."""
+    torch.manual_seed(schedule.seed * 1_000_003 + step + rank * 2_038_074_743)
 
 
-def _begun(schedule: Schedule) -> dict[str, str]:
-    return {"schedule": repr(schedule)}
+def device_of(model: nn.Module) -> torch.device:
+    """Where a model's weights are, and so where its batches must be."""
+    return next(model.parameters()).device

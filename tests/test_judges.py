@@ -51,7 +51,7 @@ def test_a_motion_gets_the_mean_over_its_windows(small, judge):
     assert cut(64) == [0] and cut(65) == [0, 1] and cut(128) == [0, 32, 64] and cut(10) == [0]
     motion = small.test[0].motion
     assert len(motion) == 150
-    pieces = [judge.numbers(motion)[n : n + 64] for n in (0, 32, 64, 86)]
+    pieces = [judge.encode(motion)[n : n + 64] for n in (0, 32, 64, 86)]
     with torch.no_grad():
         alone = [judge.network(p.permute(2, 0, 1)[None]).log_softmax(1) for p in pieces]
     assert torch.allclose(judge.scores([motion]), sum(alone) / 4, atol=1e-5)

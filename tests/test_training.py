@@ -23,17 +23,14 @@ def a_net() -> nn.Module:
     return nn.Sequential(nn.Linear(4, 8), nn.ReLU(), nn.Dropout(0.2), nn.Linear(8, 1))
 
 
-def a_loss(net: nn.Module):
-    def loss_of(step: int) -> torch.Tensor:
-        x = torch.randn(16, 4)
-        return ((net(x)[:, 0] - x.sum(1)) ** 2).mean()
-
-    return loss_of
+def a_loss(net: nn.Module, step: int) -> torch.Tensor:
+    x = torch.randn(16, 4)
+    return ((net(x)[:, 0] - x.sum(1)) ** 2).mean()
 
 
 def test_a_run_that_was_broken_off_gives_the_losses_of_an_unbroken_one(tmp_path):
     a = a_net()
-    whole = fit(a, a_loss(a), SCHEDULE, title="")
+    whole = fit(a, a_loss, SCHEDULE, title="").losses
     keep = tmp_path / "a.run"
 
     def stop(step: int, loss: float) -> None:
@@ -42,12 +39,12 @@ def test_a_run_that_was_broken_off_gives_the_losses_of_an_unbroken_one(tmp_path)
 
     broken = a_net()
     with pytest.raises(KeyboardInterrupt):
-        fit(broken, a_loss(broken), SCHEDULE, keep=keep, every=0.0, title="", show=stop)
+        fit(broken, a_loss, SCHEDULE, keep=keep, every=0.0, title="", show=stop)
     assert keep.exists()
     again = a_net()
     seen = []
-    losses = fit(again, a_loss(again), SCHEDULE, keep=keep, title="", show=lambda step, _: seen.append(step))
-    assert losses == whole and seen[0] == 31 and not keep.exists()
+    run = fit(again, a_loss, SCHEDULE, keep=keep, title="", show=lambda step, _: seen.append(step))
+    assert run.losses == whole and seen[0] == 31 and not keep.exists()
     assert all(torch.equal(x, y) for x, y in zip(a.state_dict().values(), again.state_dict().values()))
 
 
@@ -59,25 +56,31 @@ def test_a_kept_run_of_something_else_is_refused(tmp_path):
 
     net = a_net()
     with pytest.raises(KeyboardInterrupt):
-        fit(net, a_loss(net), SCHEDULE, keep=keep, every=0.0, title="", show=lambda n, _: stop(n, _) if n else None)
+        fit(net, a_loss, SCHEDULE, keep=keep, every=0.0, title="", show=lambda n, _: stop(n, _) if n else None)
     with pytest.raises(mk.MotionKitError, match="another schedule"):
-        fit(net, a_loss(net), Schedule(61), keep=keep, title="")
+        fit(net, a_loss, Schedule(61), keep=keep, title="")
     other = nn.Linear(4, 1)
     with pytest.raises(mk.MotionKitError, match="another configuration"):
-        fit(other, a_loss(other), SCHEDULE, keep=keep, title="")
+        fit(other, a_loss, SCHEDULE, keep=keep, title="")
     keep.write_bytes(keep.read_bytes()[:-50])
     with pytest.raises(mk.MotionKitError, match="remove it to start again"):
-        fit(net, a_loss(net), SCHEDULE, keep=keep, title="")
+        fit(net, a_loss, SCHEDULE, keep=keep, title="")
 
 
 def test_a_loss_that_is_not_finite_stops_the_run_and_keeps_what_was(tmp_path):
     net, keep = a_net(), tmp_path / "a.run"
-    good = a_loss(net)
     with pytest.raises(mk.MotionKitError, match="the loss of step 7 is nan"):
-        fit(net, lambda n: good(n) * (torch.nan if n == 7 else 1), SCHEDULE, keep=keep, every=0.0, title="")
+        fit(
+            net,
+            lambda model, n: a_loss(model, n) * (torch.nan if n == 7 else 1),
+            SCHEDULE,
+            keep=keep,
+            every=0.0,
+            title="",
+        )
     assert all(torch.isfinite(value).all() for value in net.state_dict().values())
     again = a_net()
-    assert len(fit(again, a_loss(again), SCHEDULE, keep=keep, title="")) == 60
+    assert len(fit(again, a_loss, SCHEDULE, keep=keep, title="").losses) == 60
 
 
 KILLED = """
@@ -87,7 +90,7 @@ from test_training import SCHEDULE, a_loss, a_net
 from motionkit.training import Schedule, fit
 net = a_net()
 show = lambda *_: print("x", flush=True)
-fit(net, a_loss(net), Schedule(10**6, rate=0.05), keep=sys.argv[1], every=0.0, title="", show=show)
+fit(net, a_loss, Schedule(10**6, rate=0.05), keep=sys.argv[1], every=0.0, title="", show=show)
 """
 
 
@@ -109,7 +112,7 @@ def first_step(keep) -> int:
     net, steps = a_net(), []
     with pytest.raises(ZeroDivisionError):
         kept = Schedule(10**6, rate=0.05)
-        fit(net, a_loss(net), kept, keep=keep, title="", show=lambda n, _: steps.append(n) or 1 / 0)
+        fit(net, a_loss, kept, keep=keep, title="", show=lambda n, _: steps.append(n) or 1 / 0)
     return steps[0]
 
 

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 import torch
+from torch import Tensor
 
-from ..features import Layout
+from ..errors import MotionKitError
+from ..motion import Motion
 from .dataset import Dataset
+
+
+class Encoder(Protocol):
+    """What turns motions into numbers: a feature layout, or a judge's way of seeing."""
+
+    def encode(self, motion: Motion) -> Tensor:
+        """A motion of F frames to [F, ...]."""
 
 
 class Encoded:
@@ -24,7 +35,7 @@ class Encoded:
     (10, 135)
     """
 
-    def __init__(self, dataset: Dataset, layout: Layout) -> None:
+    def __init__(self, dataset: Dataset, layout: Encoder) -> None:
         self.dataset, self.layout = dataset, layout
         self.shape: tuple[int, ...] = ()  # of a frame's features, once one clip is encoded
         ends = np.cumsum([0, *dataset.store.frames[list(dataset.numbers)].tolist()])
@@ -52,8 +63,35 @@ class Encoded:
             self._done.add(number)
         return np.asarray(self._kept[first + start : first + stop])
 
+    @property
+    def lengths(self) -> Tensor:
+        """Frames of each clip, long [C]."""
+        return torch.from_numpy(self.dataset.store.frames[list(self.dataset.numbers)].astype(np.int64))
 
-def gather(source: Encoded, numbers: list[int], starts: list[int], own: list[int], frames: int) -> torch.Tensor:
+    def draw(self, clips: Sequence[int] | Tensor, length: int) -> Tensor:
+        """A window [len(clips), length, ...] from a random place of each of these clips, by torch's random numbers.
+
+        clips: places in the dataset. Raises MotionKitError for a clip that has fewer frames.
+        """
+        clips = torch.as_tensor(clips)
+        room = self.lengths[clips] - length + 1
+        if (room < 1).any():
+            short = self.dataset[int(clips[int((room < 1).nonzero()[0])])]
+            raise MotionKitError(f"a window of {length} frames does not fit into {short}; leave short clips out")
+        starts = (torch.rand(len(clips)) * room).long().tolist()
+        numbers = [self.dataset.numbers[n] for n in clips.tolist()]
+        return gather(self, numbers, starts, [length] * len(numbers), length)
+
+    def draw_masked(self, clips: Sequence[int] | Tensor, length: int) -> tuple[Tensor, Tensor]:
+        """As `draw`, but short clips come whole, go on in their last row, and a mask, bool [B, length], says so."""
+        clips = torch.as_tensor(clips)
+        own = self.lengths[clips].clamp(max=length)
+        starts = (torch.rand(len(clips)) * (self.lengths[clips] - own + 1)).long().tolist()
+        numbers = [self.dataset.numbers[n] for n in clips.tolist()]
+        return gather(self, numbers, starts, own.tolist(), length), torch.arange(length) < own[:, None]
+
+
+def gather(source: Encoded, numbers: list[int], starts: list[int], own: list[int], frames: int) -> Tensor:
     """Features [B, F, D] of samples: own frames, then the last one again ([B, F, J, 7] where the layout is a graph).
 
     numbers: stored clips; starts, own: where a sample starts and how many frames it has; frames: F.

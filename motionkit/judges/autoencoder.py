@@ -83,7 +83,7 @@ class MotionAutoencoder:
     fps: float
     card: dict = field(default_factory=dict, repr=False)
 
-    def numbers(self, motion: Motion) -> Tensor:
+    def encode(self, motion: Motion) -> Tensor:
         """What the network sees of a motion, [F, J, 4]; MotionKitError on another skeleton."""
         return joint_turns(fitting(motion, self.skeleton, self.fps, "this autoencoder"))
 
@@ -93,7 +93,7 @@ class MotionAutoencoder:
         Raises MotionKitError for another skeleton.
         """
         self.network.eval()
-        return over_windows(several(motions), self.numbers, lambda x: self.network.encode(x).mean(2), WINDOW)
+        return over_windows(several(motions), self.encode, lambda x: self.network.encode(x).mean(2), WINDOW)
 
     def save(self, path: str | os.PathLike) -> Path:
         """Weights and card, see `checkpoints.save`."""

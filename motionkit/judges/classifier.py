@@ -46,7 +46,7 @@ class Classifier:
     def __repr__(self) -> str:
         return f"Classifier({self.label}: {', '.join(self.labels)}; {self.skeleton!r}, {self.fps:g} fps)"
 
-    def numbers(self, motion: Motion) -> Tensor:
+    def encode(self, motion: Motion) -> Tensor:
         """What the network sees of a motion, [F, J, 6], or 3 without velocities; MotionKitError on another skeleton."""
         x = joint_numbers(fitting(motion, self.skeleton, self.fps, f"this {self.label} classifier"))
         return x if self.moving else x[..., :3]
@@ -58,7 +58,7 @@ class Classifier:
         """
         motions = several(motions)
         self.network.eval()
-        both = over_windows(motions, self.numbers, self._see, self.window)
+        both = over_windows(motions, self.encode, self._see, self.window)
         return both[:, : len(self.labels)], both[:, len(self.labels) :]
 
     def _see(self, windows: Tensor) -> Tensor:

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
 from torch import Tensor, nn
 
-from .. import checkpoints
-from ..datasets import Dataset, Split
+from ..cards import card_of, place_for
+from ..datasets import Dataset, Encoded, Split
 from ..errors import MotionKitError
 from ..layers import StGcn, StGcnConfig
-from ..training import Schedule, fit
+from ..training import Schedule, device_of, fit
 from .autoencoder import DenoisingAutoencoder, MotionAutoencoder, denoising_loss
 from .classifier import Classifier
 from .poses import WINDOW
@@ -25,33 +21,6 @@ BATCH = 64
 PARTS = ("content", "style", "autoencoder")
 STEPS = {"content": 800, "style": 2000, "autoencoder": 2500, "frame": 600}
 _LENGTHS = (24, 32, 48, WINDOW, WINDOW, WINDOW)  # of the windows of a batch: captures have clips shorter than 64 frames
-# Licences of captures that forbid what MIT allows; weights that learned from them are under the same licence.
-LICENCES = {"bandai-1": "CC-BY-NC-4.0", "bandai-2": "CC-BY-NC-4.0"}
-
-
-@dataclass
-class Frames:
-    """All frames of some clips one after the other. values: [N, ...]; starts: where each clip begins, [C + 1]."""
-
-    values: Tensor
-    starts: Tensor
-
-    @classmethod
-    def of(cls, clips: Sequence, numbers: Callable) -> Frames:
-        """numbers: a motion to [F, ...]."""
-        found = [numbers(clip.motion) for clip in clips]
-        return cls(torch.cat(found), torch.tensor([0, *map(len, found)]).cumsum(0))
-
-    def draw(self, clips: Tensor, length: int) -> Tensor:
-        """A window [len(clips), length, ...] from a random place of each of these clips, which have frames enough."""
-        room = self.lengths[clips] - length + 1
-        first = self.starts[clips] + (torch.rand(len(clips)) * room).long()
-        return self.values[first[:, None] + torch.arange(length)]
-
-    @property
-    def lengths(self) -> Tensor:
-        """Frames of each clip, [C]."""
-        return self.starts[1:] - self.starts[:-1]
 
 
 def train_classifier(
@@ -79,14 +48,14 @@ def train_classifier(
     """
     if label not in ("content", "style"):
         raise MotionKitError(f"a classifier is trained for 'content' or 'style'; found {label!r}")
-    begun, split = time.monotonic(), data.split() if isinstance(data, Dataset) else data
+    split = data.split() if isinstance(data, Dataset) else data
     schedule = schedule or Schedule(STEPS[label])
     torch.manual_seed(schedule.seed)
     judge = _fresh(label, split, config, window, moving)
-    frames = Frames.of(split.train, judge.numbers)
+    frames = Encoded(split.train, judge)
     classes = judge.ids([getattr(clip, label) for clip in split.train])
-    fit(judge.network, _loss(judge.network, frames, classes, window), schedule, **running)
-    judge.card = {**_card(split, schedule, begun, judge.network), "metrics": {}}
+    run = fit(judge.network, _loss(frames, classes, window), schedule, **running)
+    judge.card = {**card_of(split.train, schedule, run, judge.network), "metrics": {}}
     for part in ("validation", "test"):
         if len(getattr(split, part)):
             judge.card["metrics"][f"{part}_accuracy"] = round(judge.accuracy(getattr(split, part)), 2)
@@ -104,19 +73,20 @@ def _fresh(label: str, split: Split, config: StGcnConfig | None, window: int, mo
     return Classifier(network, label, labels, motion.skeleton, motion.fps, window, moving)
 
 
-def _loss(network: StGcn, frames: Frames, classes: Tensor, window: int) -> Callable[[int], Tensor]:
+def _loss(frames: Encoded, classes: Tensor, window: int) -> Callable[[nn.Module, int], Tensor]:
     """Cross-entropy on windows of a random length; of each class a random clip that has frames enough."""
     lengths = (1,) if window == 1 else tuple(n for n in _LENGTHS if n <= window)
     usable = {n: frames.lengths >= min(n, int(frames.lengths.max())) for n in lengths}
     members = {n: [torch.nonzero((classes == c) & ok)[:, 0] for c in classes.unique()] for n, ok in usable.items()}
 
-    def loss_of(step: int) -> Tensor:
+    def loss_of(network: nn.Module, step: int) -> Tensor:
         length = lengths[int(torch.randint(len(lengths), ()))]
         groups = [group for group in members[length] if len(group)]
         chosen = torch.arange(BATCH) % len(groups)
         clips = torch.stack([groups[g][int(torch.rand(()) * len(groups[g]))] for g in chosen.tolist()])
         x = frames.draw(clips, min(length, int(frames.lengths.max())))
-        return nn.functional.cross_entropy(network(x.permute(0, 3, 1, 2)), classes[clips])
+        here = device_of(network)
+        return nn.functional.cross_entropy(network(x.permute(0, 3, 1, 2).to(here)), classes[clips].to(here))
 
     return loss_of
 
@@ -127,28 +97,28 @@ def train_autoencoder(data: Dataset | Split, schedule: Schedule | None = None, *
     The card holds the mean angle, in degrees, by which it misses clean rotations of the test part, and how far the
     noise had turned them.
     """
-    begun, split = time.monotonic(), data.split() if isinstance(data, Dataset) else data
+    split = data.split() if isinstance(data, Dataset) else data
     schedule = schedule or Schedule(STEPS["autoencoder"])
     skeleton, fps = split.train[0].motion.body().skeleton, split.train[0].motion.fps
     torch.manual_seed(schedule.seed)
     network = DenoisingAutoencoder(len(skeleton))
     encoder = MotionAutoencoder(network, skeleton, fps)
-    frames = Frames.of(split.train, encoder.numbers)
+    frames = Encoded(split.train, encoder)
     enough = torch.nonzero(frames.lengths >= min(WINDOW, int(frames.lengths.max())))[:, 0]
 
-    def loss_of(step: int) -> Tensor:
+    def loss_of(model: nn.Module, step: int) -> Tensor:
         clips = enough[torch.randint(len(enough), (BATCH,))]
-        return denoising_loss(network, frames.draw(clips, min(WINDOW, int(frames.lengths.max()))))
+        return denoising_loss(model, frames.draw(clips, min(WINDOW, int(frames.lengths.max()))).to(device_of(model)))
 
-    fit(network, loss_of, schedule, **running)
-    unseen = Frames.of(split.test, encoder.numbers)
+    run = fit(network, loss_of, schedule, **running)
+    unseen = Encoded(split.test, encoder)
     there = torch.nonzero(unseen.lengths >= WINDOW)[:, 0]
     with torch.no_grad():
         torch.manual_seed(schedule.seed)
         turns = unseen.draw(there, WINDOW)
         found = {"test_degrees": denoising_loss(network, turns), "noise_degrees": denoising_loss(nn.Identity(), turns)}
     metrics = {name: round(float(value.rad2deg()), 3) for name, value in found.items()}
-    encoder.card = {**_card(split, schedule, begun, network), "metrics": metrics}
+    encoder.card = {**card_of(split.train, schedule, run, network), "metrics": metrics}
     return encoder
 
 
@@ -163,30 +133,6 @@ def single_frame_accuracy(label: str, split: Split, schedule: Schedule | None = 
     frames = [(clip.motion[n], getattr(clip, label)) for clip in split.test for n in range(0, len(clip), 5)]
     scores = judge.scores([frame for frame, _ in frames])
     return 100 * float((scores.argmax(1) == judge.ids([name for _, name in frames])).double().mean())
-
-
-def _card(split: Split, schedule: Schedule, begun: float, network: nn.Module) -> dict:
-    name = split.train.name
-    return {
-        "data": name,
-        "data_sha256": data_hash(split.train),
-        "training_clips": len(split.train),
-        "seed": schedule.seed,
-        "steps": schedule.steps,
-        "seconds": round(time.monotonic() - begun),
-        "hardware": checkpoints.hardware(),
-        "parameters": sum(p.numel() for p in network.parameters()),
-        "licence": LICENCES.get(name, "MIT"),
-    }
-
-
-def data_hash(dataset: Dataset) -> str:
-    """Changes when clips, their labels or their numbers do: 16 hexadecimal digits."""
-    clips = (
-        f"{dataset.store.clips[n].name} {dataset.store.clips[n].checksum} {dataset.labels[n][:2]}"
-        for n in dataset.numbers
-    )
-    return hashlib.sha256("\n".join(clips).encode()).hexdigest()[:16]
 
 
 def train_part(part: str, data: Dataset, config: StGcnConfig, steps: int | None, seed: int, command: str) -> Path:
@@ -206,10 +152,3 @@ def train_part(part: str, data: Dataset, config: StGcnConfig, steps: int | None,
         made.card["metrics"]["single_frame_accuracy"] = round(share, 2)
     made.card = {"name": path.stem, "command": command, **made.card}
     return made.save(path)
-
-
-def place_for(data: str, what: str) -> Path:
-    """Where the weights of a judge go: `NAME-content.safetensors` and so on, in the folder of their licence."""
-    folder = checkpoints.folder() / LICENCES.get(data, "").lower()
-    os.makedirs(folder, exist_ok=True)
-    return folder / f"{data}-{what}.safetensors"

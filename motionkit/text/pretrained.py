@@ -112,12 +112,13 @@ def clip(model: str) -> Pretrained:
     """
     name = f"clip:{model}"
     place = _place(name, model)
-    with _loading(name, "transformers"):
-        from transformers import AutoTokenizer, CLIPTextModelWithProjection
+    package = _package(name, "transformers", "pip install -e .[text]")
+    with _loading(name):
 
         def load(where: str, local: bool) -> tuple[Any, Any, Any]:
-            tower = CLIPTextModelWithProjection.from_pretrained(where, local_files_only=local, output_loading_info=True)
-            return *tower, AutoTokenizer.from_pretrained(where, local_files_only=local)
+            made = package.CLIPTextModelWithProjection
+            tower = made.from_pretrained(where, local_files_only=local, output_loading_info=True)
+            return *tower, package.AutoTokenizer.from_pretrained(where, local_files_only=local)
 
         network, info, tokenizer = _local_first(place, load)
         if info["missing_keys"]:
@@ -151,7 +152,7 @@ def open_clip(model: str) -> Pretrained:
     folder, file = Path(model).expanduser(), Path(weights).expanduser()
     if not folder.is_dir() and not (arch and weights):
         raise MotionKitError(f"text encoder {name!r}: expected ARCH@WEIGHTS, such as ViT-B-32@openai, or a folder")
-    if len(file.parts) > 1 and not file.is_file():
+    if (weights.startswith((".", "~")) or len(file.parts) > 1) and not file.is_file():
         raise MotionKitError(f"text encoder {name!r}: no such file of weights; check the path")
     package = _package(name, "open_clip", "pip install open_clip_torch, and torchvision of the same build as torch")
     with _loading(name):
@@ -229,13 +230,13 @@ def _first_line(error: Exception) -> str:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """No log lines below errors, no warnings and no bars of transformers; all as before afterwards."""
+    """No log lines (errors are raised), no warnings and no bars of transformers; all as before afterwards."""
     before, bars = logging.root.manager.disable, None
     with suppress(ImportError):
         from transformers.utils import logging as bars
     shown = bars is not None and bars.is_progress_bar_enabled()
     try:
-        logging.disable(max(before, logging.WARNING))
+        logging.disable(max(before, logging.ERROR))
         if shown:
             bars.disable_progress_bar()
         with warnings.catch_warnings():

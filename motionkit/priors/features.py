@@ -1,0 +1,30 @@
+"""What the networks here see of a motion: paper 1's facing-free features, normalised part by part."""
+
+from __future__ import annotations
+
+import torch
+
+from ..datasets import Dataset, Encoded
+from ..features import FacingFree, Normalizer
+
+LEAST = 0.25  # of a part's spread: numbers that hardly move are not blown up to the size of others
+ROOT = 3.0  # how much larger the root's four numbers are made: all else follows from where the body goes
+
+
+def fitted(data: Dataset) -> tuple[Encoded, Normalizer]:
+    """A dataset's clips in facing-free features, and the normalizer for them.
+
+    Spreads are those of the numbers, but at least a quarter of the root mean square of their part (root velocity,
+    height, positions, rotations); the root's four numbers weigh three times as much, since the loss counts numbers.
+    """
+    layout = FacingFree()
+    encoded = Encoded(data, layout)
+    rows = [torch.from_numpy(encoded.rows(n, 0, int(data.store.frames[n]))) for n in data.numbers]
+    found = Normalizer.fit(rows, "FacingFree")
+    std = torch.cat(rows).std(0, correction=0)
+    parts = {**layout.slices, "turn": slice(0, 1), "speed": slice(1, 3), "height": slice(3, 4)}
+    for name, part in parts.items():
+        if name != "root":
+            std[part] = torch.maximum(std[part], LEAST * std[part].square().mean().sqrt())
+    std[layout.slices["root"]] /= ROOT
+    return encoded, Normalizer(found.mean, std.clamp(min=1e-5), found.layout, found.data_hash)
