@@ -78,11 +78,12 @@ class Prior:
         shape = (len(prompts), frames, self.layout.size)
         return torch.randn(shape, generator=torch.Generator().manual_seed(seed))
 
-    def predict(self, prompts: Sequence[str], scale: float = SCALE) -> sampling.Predict:
+    def predict(self, prompts: Sequence[str], scale: float = SCALE, mask: Tensor | None = None) -> sampling.Predict:
         """The network with these sentences, for any function in `sampling`; see `sampling.guided` for scale.
 
-        Raises MotionKitError for an empty sentence, and for guidance where it was trained without. Warns of a sentence
-        that is far from all that it knows, and names the nearest.
+        mask: bool [B, F], frames that are there, where motions differ in length. Raises MotionKitError for an empty
+        sentence, and for guidance where it was trained without. Warns of a sentence that is far from all that it knows,
+        and names the nearest.
         """
         if scale != 1 and not self.guided:
             raise MotionKitError(
@@ -91,14 +92,14 @@ class Prior:
             )
         for prompt in prompts:
             text.check_prompt(prompt, self.encoder, self.known, self.known_embeddings, self.least)
-        vectors = self.encoder.encode(prompts)
-        return sampling.guided(self.network.eval(), vectors, torch.zeros(vectors.shape[1]), scale)
+        vectors, more = self.encoder.encode(prompts), {} if mask is None else {"mask": mask}
+        return sampling.guided(self.network.eval(), vectors, torch.zeros(vectors.shape[1]), scale, **more)
 
     @torch.no_grad()
     def generate(
         self,
         prompts: str | Sequence[str],
-        seconds: float = 4.0,
+        seconds: float | Sequence[float] = 4.0,
         *,
         scale: float = SCALE,
         sampler: Sampler = sampling.ddim,
@@ -108,24 +109,28 @@ class Prior:
     ) -> list[Motion]:
         """A motion for each sentence (paper 1, section 3.3).
 
-        seconds: of each, at most what it learned from. scale: of guidance; 1 is none. sampler, steps: from `sampling`.
-        more: what the sampler takes beside, such as `inpaint` and `callback`. Raises MotionKitError for a time that is
-        too long or too short, and as `predict`.
+        seconds: of all, or one for each sentence; at most what it learned from. scale: of guidance; 1 is none. sampler,
+        steps: from `sampling`. more: what the sampler takes beside, such as `inpaint` and `callback`. Raises
+        MotionKitError for a time that is too long or too short, and as `predict`.
         """
         prompts = [prompts] if isinstance(prompts, str) else list(prompts)
-        frames = self._frames(seconds)
-        predict = self.predict(prompts, scale)
-        x = sampler(predict, self.noise(prompts, frames, seed), self.schedule, steps, **more)
-        return [self.decode(one, prompt) for one, prompt in zip(x, prompts)]
+        frames = self._frames(seconds, len(prompts))
+        mask = torch.arange(max(frames)) < torch.tensor(frames)[:, None] if len(set(frames)) > 1 else None
+        predict = self.predict(prompts, scale, mask)
+        x = sampler(predict, self.noise(prompts, max(frames), seed), self.schedule, steps, **more)
+        return [self.decode(one[:count], prompt) for one, prompt, count in zip(x, prompts, frames)]
 
-    def _frames(self, seconds: float) -> int:
-        frames = round(float(seconds) * self.fps) if isinstance(seconds, int | float) else 0
-        if not 2 <= frames <= self.longest:
-            raise MotionKitError(
-                f"seconds: this prior learned from motions of up to {self.longest / self.fps:.1f} s "
-                f"({self.longest} frames); found {seconds!r}: make several and put them together with mk.concatenate"
-            )
-        return frames
+    def _frames(self, seconds: float | Sequence[float], count: int) -> list[int]:
+        each = [seconds] * count if isinstance(seconds, int | float) else list(seconds)
+        if not each or len(each) != count:
+            raise MotionKitError(f"expected at least one prompt, and seconds for each; found {count} and {len(each)}")
+        for one in each:
+            if not isinstance(one, int | float) or not 2 <= round(one * self.fps) <= self.longest:
+                raise MotionKitError(
+                    f"seconds: this prior learned from motions of up to {self.longest / self.fps:.1f} s "
+                    f"({self.longest} frames); found {one!r}: make several and put them together with mk.concatenate"
+                )
+        return [round(one * self.fps) for one in each]
 
     def save(self, path: str | os.PathLike) -> Path:
         """Weights and card, see `checkpoints.save`. Weights are written with 16 bits."""

@@ -1,0 +1,111 @@
+"""Measure speed and quality of the priors, and the discriminators, into results/diffusion.json.
+
+make bench-diffusion        (needs the Bandai-2 archive: MOTIONKIT_DATA, or ../shared/datasets)
+"""
+
+import time
+from functools import partial
+
+import torch
+
+import motionkit as mk
+from bench import ROOT, figure, find_root, write_result
+from motionkit import sampling
+from motionkit.layers import Denoiser, TransformerConfig
+from motionkit.priors.quality import answers, quality
+from motionkit.skeleton import smpl
+
+RESULT = ROOT / "results" / "diffusion.json"
+FRAMES, THREADS = 120, 2
+STEPS = (2, 3, 5, 10, 20, 50)  # of the samplers
+
+
+def seconds_of(run, times: int = 7) -> float:
+    """The median time of a call, after two to warm up."""
+    taken = []
+    for _ in range(times + 2):
+        begun = time.perf_counter()
+        run()
+        taken.append(time.perf_counter() - begun)
+    return sorted(taken[2:])[times // 2]
+
+
+def speed() -> dict:
+    """One call of the denoiser, and 20 DDIM steps, at two sizes, for one clip; weights do not matter to it."""
+    layout = mk.features.FacingFree(smpl(), 30)
+    x, schedule, figures = torch.randn(1, FRAMES, layout.size), mk.diffusion.NoiseSchedule.cosine(), {}
+    for size, limit in (("paper", 1.0), ("laptop", 0.15)):
+        network = Denoiser(layout.size, 128, getattr(TransformerConfig, size)()).eval()
+        text, none, t = torch.randn(1, 128), torch.zeros(128), torch.tensor([500])
+        note = f"{FRAMES} frames, {THREADS} threads, median of 7"
+        with torch.inference_mode():
+            if size == "paper":
+                call = 1000 * seconds_of(partial(network, x, t, text))
+                figures["paper_call_ms"] = figure(call, 52, "ms", f"denoiser, one call, {note}", False)
+            for scale, kind in ((1.0, ""), (2.5, "_guided")):
+                predict = sampling.guided(network, text, none, scale)
+                taken = seconds_of(partial(sampling.ddim, predict, x, schedule, 20))
+                what = f"20 DDIM steps{', guided (two predictions a step)' if kind else ''}, {note}"
+                figures[f"{size}_ddim20{kind}_seconds"] = figure(taken, limit, "s", what, False)
+    return figures
+
+
+def judged(data: str, root: str | None) -> tuple[dict, dict]:
+    """A prior and its discriminator on the test part of their dataset, and the row of the table."""
+    split = mk.datasets.load(data, root).split()
+    prior, judge = mk.priors.load(data), mk.judges.load(data)
+    made = answers(prior, split.test, title=f"{data}, 20 DDIM steps")
+    row = {"dataset": data, "prompts": len(split.test), **quality(prior, split, judge, made)}
+    row |= mk.priors.retrieval(mk.priors.load_discriminator(data), split.test)
+    for name in ("steps", "seconds", "steps_per_second", "parameters", "hardware"):
+        row[f"training_{name}"] = prior.card[name]
+    return row, {"split": split, "prior": prior, "judge": judge}
+
+
+def samplers(split, prior, judge) -> list[dict]:
+    """Each sampler over its number of steps: FMD to the test clips, and seconds a clip, in batches of 48."""
+    there, rows = judge.content.features([clip.motion for clip in split.test]), []
+    for name, sampler in (("ddpm", sampling.ddpm), ("ddim", sampling.ddim), ("dpm_solver", sampling.dpm_solver)):
+        for steps in STEPS:
+            begun = time.perf_counter()
+            made = answers(prior, split.test, sampler, steps, title=f"{name}, {steps} steps")
+            taken = (time.perf_counter() - begun) / len(made)
+            distance = mk.metrics.fmd(judge.content.features(made), there)
+            rows.append({"sampler": name, "steps": steps, "fmd": round(distance, 3), "clip_seconds": round(taken, 4)})
+    return rows
+
+
+def scales(split, prior, judge) -> list[dict]:
+    """What guidance does: accuracy and FMD over its scale."""
+    rows = []
+    for scale in (1.0, 1.5, 2.5, 4.0, 7.0):
+        made = answers(prior, split.test, scale=scale, title=f"guidance {scale:g}")
+        found = quality(prior, split, judge, made)
+        rows.append({"scale": scale, **{name: found[name] for name in ("content", "style", "fmd", "fmd_ae")}})
+    return rows
+
+
+def main() -> None:
+    """Measure everything and write it."""
+    start = time.perf_counter()
+    torch.set_num_threads(THREADS)
+    torch.manual_seed(0)
+    figures = speed()
+    actor, things = judged("actor", None)
+    bandai, _ = judged("bandai-2", find_root())
+    table = samplers(**things)
+    fmds = {(row["sampler"], row["steps"]): row["fmd"] for row in table}
+    ratio = fmds["dpm_solver", 10] / fmds["ddim", 50]
+    figures |= {
+        "dpm_solver_10_over_ddim_50_fmd_ratio": figure(ratio, 1.05, "", "FMD on actor's test prompts", False),
+        "actor_content": figure(actor["content"], 95, "%", "test prompts, 20 DDIM steps, guidance 2.5"),
+        "actor_style": figure(actor["style"], 90, "%", f"the same; of the clips themselves {actor['real_style']:.1f}"),
+        "actor_r1": figure(actor["r1"], 70, "%", "the discriminator, right caption among 32 of different meaning"),
+        "actor_training_seconds": figure(actor["training_seconds"], 5400, "s", "laptop size, from its card", False),
+    }
+    tables = {"quality": [actor, bandai], "samplers": table, "guidance": scales(**things)}
+    write_result(RESULT, "make bench-diffusion", start, figures, tables)
+
+
+if __name__ == "__main__":
+    main()
