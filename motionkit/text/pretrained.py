@@ -195,7 +195,21 @@ def _local_first(where: str, load: Callable[[str, bool], Any]) -> Any:
     except (OSError, ValueError):
         if Path(where).is_dir():
             raise
+    _reach_network()
     return load(where, False)
+
+
+def _reach_network() -> None:
+    """OSError within seconds where there is no network; the packages themselves try for a minute."""
+    try:
+        from huggingface_hub import constants
+        from huggingface_hub.utils import get_session
+
+        get_session().head(constants.ENDPOINT, timeout=5)
+    except ImportError:
+        return
+    except Exception as error:  # of whichever client it uses
+        raise OSError("it is not on disk, and the network cannot be reached") from error
 
 
 def _package(name: str, module: str, how: str) -> Any:
