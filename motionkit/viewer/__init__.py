@@ -41,6 +41,7 @@ _HOMES = {
     "cloud_explorer": "judging_plots",
     "plot_confusion": "judging_plots",
     "LossCurve": "loss_curve",
+    "PromptBox": "prompt_box",
     "feature_map": "feature_maps",
     "embed": "feature_maps",
 }
