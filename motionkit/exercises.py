@@ -22,6 +22,7 @@ from .features import HumanML3D
 from .methods.statistics import match_statistics
 from .motion import Motion
 from .skeleton import smpl
+from .text import similarity
 
 
 @dataclass(frozen=True)
@@ -135,6 +136,28 @@ def _warp_cost(costs: Tensor) -> Tensor:
     return dtw_costs(costs[None])[0]
 
 
+def _listening() -> list[tuple]:
+    """Queries, keys, values [N, D] and which tokens are there: all, some, and hidden ones that are large."""
+    q, k, v = (_random(6, 4, seed=n) for n in range(3))
+    there = torch.arange(6) < 4
+    return [(q, k, v, there | True), (q, k, v, there), (q, k + 30 * ~there[:, None], v + 1e3 * ~there[:, None], there)]
+
+
+def _masked_attention(q: Tensor, k: Tensor, v: Tensor, there: Tensor) -> Tensor:
+    """What each token hears, [N, D], from the tokens that are there."""
+    return torch.nn.functional.scaled_dot_product_attention(q, k, v, there.expand(len(q), -1))
+
+
+def _recall_at(near: Tensor, k: int) -> Tensor:
+    """In which share of the rows of a similarity [N, N] the own column is among the k largest, 0 to 1."""
+    return ((near > near.diagonal()[:, None]).sum(1) < k).double().mean()
+
+
+def _contrastive_loss(motions: Tensor, texts: Tensor, temperature: float) -> Tensor:
+    """Cross-entropy of telling each motion's own sentence from the others of the batch."""
+    return torch.nn.functional.cross_entropy(similarity(motions, texts) / temperature, torch.arange(len(motions)))
+
+
 _EXERCISES = {
     "swing_angle": Exercise(
         rot.quaternion_angle,
@@ -206,6 +229,24 @@ _EXERCISES = {
         _costs,
         "best[i, j] = costs[i, j] + the least of best[i - 1, j], best[i, j - 1] and best[i - 1, j - 1]; the first row "
         "and column have one way only",
+    ),
+    "masked_attention": Exercise(
+        _masked_attention,
+        _listening,
+        "scores are q @ k.T divided by the root of D; those of tokens that are not there become minus infinity before "
+        "the softmax, not zero after it",
+    ),
+    "recall_at": Exercise(
+        _recall_at,
+        lambda: [(torch.eye(5), 1), (_random(12, 12), 1), (_random(12, 12), 3), (_random(12, 12).T, 3)],
+        "row n is motion n, and its own sentence is column n; count how many in the row are nearer than that, and see "
+        "whether they are fewer than k; the answer is a share from 0 to 1",
+    ),
+    "contrastive_loss": Exercise(
+        _contrastive_loss,
+        lambda: [(torch.eye(4), torch.eye(4), 0.1), (_random(6, 8), 3 * _random(6, 8, seed=1), 0.5)],
+        "first vectors of length 1, then all products [N, N] divided by the temperature; row n is a question with N "
+        "answers, of which n is right: minus the logarithm of its share after softmax, and the mean of that",
     ),
 }
 
