@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 from pathlib import Path
 
 import torch
@@ -29,7 +30,10 @@ def write(
         tensors |= {f"optimizer.{number}.{name}": value for name, value in values.items()}
     if mean is not None:
         tensors |= {f"mean.{name}": value for name, value in mean.state_dict().items()}
-    tensors |= {"losses": torch.tensor(losses, dtype=torch.float64), "seconds": torch.tensor(seconds)}
+    tensors |= {
+        "losses": torch.tensor(losses, dtype=torch.float64),
+        "seconds": torch.tensor(seconds, dtype=torch.float64),
+    }
     plain = {name: value.detach().cpu().clone().contiguous() for name, value in tensors.items()}
     write_atomic(path, tensors_as_bytes(plain, _begun(schedule)))
 
@@ -57,6 +61,13 @@ def read(
         state.setdefault(int(number), {})[name] = value
     optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
     return tensors["losses"].tolist(), float(tensors["seconds"])
+
+
+def remove(path: Path) -> None:
+    """The file, and what was left of it where a process was killed while it wrote."""
+    path.unlink(missing_ok=True)
+    for left in path.parent.glob(f".{glob.escape(path.name[:40])}.*"):
+        left.unlink(missing_ok=True)
 
 
 def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

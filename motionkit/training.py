@@ -11,10 +11,12 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import torch
-from accelerate import Accelerator
+from accelerate import Accelerator, PartialState
+from accelerate.utils import broadcast
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 from tqdm.auto import tqdm
@@ -29,7 +31,7 @@ class Schedule:
 
     steps: batches. rate: the highest. decay: of the weights. clip: the longest gradient. seed: says every batch.
     average: how much of the running mean of the weights stays at each step (EMA), such as 0.999; the trained model gets
-    that mean. 0 is none.
+    that mean. 0 is none. Raises MotionKitError for numbers out of range.
     """
 
     steps: int
@@ -38,6 +40,13 @@ class Schedule:
     clip: float = 1.0
     seed: int = 0
     average: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (self.steps >= 1 and self.rate > 0 and self.clip > 0 and 0 <= self.average < 1):
+            raise MotionKitError(
+                f"a schedule has at least 1 step, a rate and a clip above 0, and an average from 0 to below 1; "
+                f"found {self}"
+            )
 
     def rate_at(self, step: int) -> float:
         """The learning rate of a step, from 0.
@@ -66,15 +75,19 @@ class Run:
 
 @dataclass(eq=False)
 class _Learner:
-    """The parts of a run: the model as accelerate wraps it, its optimizer and its running mean."""
+    """The parts of a run: the model as accelerate wraps it, its optimizer, its running mean, the file of its state."""
 
     accelerator: Accelerator
     model: nn.Module
     optimizer: torch.optim.Optimizer
     mean: AveragedModel | None
+    schedule: Schedule
+    kept: Path | None
+    whole: bool = True  # false while a step changes the weights
+    undo: list[Tensor] = field(default_factory=list)  # the buffers before a step, which its forward pass changes
 
     @classmethod
-    def of(cls, model: nn.Module, schedule: Schedule) -> _Learner:
+    def of(cls, model: nn.Module, schedule: Schedule, kept: Path | None) -> _Learner:
         """On the device that there is; mixed precision (bfloat16) on a GPU."""
         accelerator = Accelerator(mixed_precision="bf16" if torch.cuda.is_available() else "no")
         optimizer = torch.optim.AdamW(model.parameters(), schedule.rate, weight_decay=schedule.decay)
@@ -85,9 +98,14 @@ class _Learner:
             torch._foreach_lerp_(means, now, 1 - min(schedule.average, (1 + n) / (10 + n)))
 
         mean = AveragedModel(model, multi_avg_fn=keep_some) if schedule.average else None
-        return cls(accelerator, wrapped, optimizer, mean)
+        return cls(accelerator, wrapped, optimizer, mean, schedule, kept)
 
     @property
+    def main(self) -> bool:
+        """Whether this process is the one that writes and shows."""
+        return self.accelerator.is_main_process
+
+    @cached_property
     def bare(self) -> nn.Module:
         """The model itself."""
         return self.accelerator.unwrap_model(self.model)
@@ -96,6 +114,45 @@ class _Learner:
     def raw_optimizer(self) -> torch.optim.Optimizer:
         """Torch's optimizer."""
         return getattr(self.optimizer, "optimizer", self.optimizer)
+
+    @cached_property
+    def buffer_names(self) -> list[str]:
+        """What the state holds beside parameters, such as the running means of a batch norm."""
+        kept = self.bare.state_dict().keys()
+        return [name for name, _ in self.bare.named_buffers() if name in kept]
+
+    def buffers(self) -> list[Tensor]:
+        """The numbers of these, as they are now."""
+        return [self.bare.get_buffer(name) for name in self.buffer_names]
+
+    def resume(self) -> Run:
+        """The run so far, its state put back; all processes must have found the same."""
+        run = Run()
+        if self.kept is not None and self.kept.exists():
+            found = kept_runs.read(self.kept, self.bare, self.raw_optimizer, self.mean, self.schedule)
+            run = Run(*found)
+        steps = torch.tensor([len(run.losses)], device=self.accelerator.device)
+        if len(set(self.accelerator.gather(steps).tolist())) > 1:
+            raise MotionKitError(f"{self.kept}: not all processes find this kept run; put it where all machines see it")
+        return run
+
+    def keep(self, run: Run) -> None:
+        """Write the state before the present step, if it is whole; the main process does."""
+        if self.kept is None or not self.main or not self.whole:
+            return
+        for value, old in zip(self.buffers(), self.undo):
+            value.copy_(old)
+        kept_runs.write(self.kept, self.bare, self.raw_optimizer, self.mean, self.schedule, run.losses, run.seconds)
+
+    def finish(self) -> None:
+        """The mean into the model, the same numbers in all processes, and no file left."""
+        if self.mean is not None:
+            self.bare.load_state_dict(self.mean.module.state_dict())
+        for value in self.buffers():
+            broadcast(value)
+        if self.kept is not None and self.main:
+            kept_runs.remove(self.kept)
+        self.accelerator.wait_for_everyone()
 
 
 def fit(
@@ -116,8 +173,8 @@ def fit(
     losses of an unbroken one, and n processes see n batches a step. keep: a file for the state of the run, written
     every `every` seconds; if it is there already, the run goes on from it; it is removed at the end. show: called after
     each step with its number and loss. batch_of: says what is in the batch of a step, for messages. Raises
-    MotionKitError for a loss or gradient that is not finite (the state before that step is kept), or a kept state of
-    another model.
+    MotionKitError for a loss or gradient that is not finite (the state before that step is kept, as it is when Ctrl-C
+    stops it), or a kept state of another model.
 
     >>> line = nn.Linear(1, 1)
     >>> def miss(model, step):
@@ -126,79 +183,105 @@ def fit(
     >>> len(run.losses), bool(run.losses[-1] < 1e-3 * run.losses[0])
     (200, True)
     """
-    home = next(model.parameters()).device
-    learner, kept, run = _Learner.of(model, schedule), Path(keep) if keep is not None else None, Run()
-    if kept is not None and kept.exists():
-        run.losses, run.seconds = kept_runs.read(kept, learner.bare, learner.raw_optimizer, learner.mean, schedule)
-    learner.model.train()
+    home, kept = device_of(model), Path(keep) if keep is not None else None
+    learner = _Learner.of(model, schedule, kept)
     try:
-        _go(learner, loss_of, schedule, run, kept, every, title, show, batch_of)
+        run = learner.resume()
+        learner.model.train()
+        _go(learner, loss_of, run, every, title, show, batch_of)
+        learner.finish()
     finally:
-        model.to(home)
-    if learner.mean is not None:
-        model.load_state_dict(learner.mean.module.state_dict())
-    if kept is not None and learner.accelerator.is_main_process:
-        kept.unlink(missing_ok=True)
-    model.eval()
+        learner.accelerator.unwrap_model(learner.model, keep_fp32_wrapper=False)  # or it would go on in mixed precision
+        model.to(home).eval()
     return run
 
 
-def _go(learner, loss_of, schedule, run, kept, every, title, show, batch_of) -> None:
-    """All steps that are left; keeps the state now and then, and before it stops at a loss that is not finite."""
-    main, first, saved, before = learner.accelerator.is_main_process, len(run.losses), time.monotonic(), run.seconds
-    begun = saved
-
-    def keep_now() -> None:
-        if kept is not None and main:
-            kept_runs.write(kept, learner.bare, learner.raw_optimizer, learner.mean, schedule, run.losses, run.seconds)
-
-    quiet = not title or not main
-    for step in (steps := tqdm(range(first, schedule.steps), title, schedule.steps, initial=first, disable=quiet)):
+def _go(learner, loss_of, run, every, title, show, batch_of) -> None:
+    """All steps that are left; keeps the state now and then, and where it is stopped."""
+    first, total, before = len(run.losses), learner.schedule.steps, run.seconds
+    saved = begun = time.monotonic()
+    with tqdm(range(first, total), title, total, initial=first, disable=not title or not learner.main) as steps:
         try:
-            run.losses.append(_step(learner, loss_of, schedule, step))
-        except FloatingPointError as error:
-            keep_now()
-            raise MotionKitError(_not_finite(step, schedule, str(error), batch_of, kept)) from None
-        run.seconds = before + time.monotonic() - begun
-        steps.set_postfix(loss=f"{run.losses[-1]:.3f}", refresh=False)
-        if show is not None and main:
-            show(step, run.losses[-1])
-        if time.monotonic() - saved > every:
-            keep_now()
-            saved = time.monotonic()
+            for step in steps:
+                run.losses.append(_step(learner, loss_of, step))
+                learner.undo, learner.whole = [], True
+                run.seconds = before + time.monotonic() - begun
+                steps.set_postfix(loss=f"{run.losses[-1]:.3f}", refresh=False)
+                if show is not None and learner.main:
+                    show(step, run.losses[-1])
+                if time.monotonic() - saved > every:
+                    learner.keep(run)
+                    saved = time.monotonic()
+        except KeyboardInterrupt:
+            learner.keep(run)
+            raise
+        except _NotFinite as error:
+            learner.keep(run)
+            raise MotionKitError(_not_finite(learner, step, error, batch_of)) from None
 
 
-def _step(learner: _Learner, loss_of: Callable, schedule: Schedule, step: int) -> float:
-    """One step of the optimizer; the mean loss of all processes. FloatingPointError before any harm is done."""
-    seed_batch(schedule, step, learner.accelerator.process_index)
+class _NotFinite(Exception):
+    """What is not finite, and whether this process's batch may be at fault."""
+
+
+def _step(learner: _Learner, loss_of: Callable, step: int) -> float:
+    """One step of the optimizer; the mean loss of all processes. _NotFinite before any harm is done to the weights."""
+    learner.undo = [value.clone() for value in learner.buffers()]
+    seed_batch(learner.schedule, step, learner.accelerator.process_index)
     for group in learner.optimizer.param_groups:
-        group["lr"] = schedule.rate_at(step)
+        group["lr"] = learner.schedule.rate_at(step)
     learner.optimizer.zero_grad()
     with learner.accelerator.autocast():
         loss = loss_of(learner.model, step)
     learner.accelerator.backward(loss)
-    length = nn.utils.clip_grad_norm_(learner.model.parameters(), schedule.clip)
-    everyone = learner.accelerator.reduce(torch.stack((loss.detach().float(), length.detach().float())), "mean")
-    value, length = everyone.tolist()
+    length = nn.utils.clip_grad_norm_(learner.model.parameters(), learner.schedule.clip)
+    own = torch.stack((loss.detach().float(), length.detach().float()))
+    value, length = learner.accelerator.reduce(own.clone(), "mean").tolist()
     if not math.isfinite(value) or not math.isfinite(length):
-        raise FloatingPointError(f"the loss of step {step} is {value}, the length of its gradient {length}")
+        what = f"the loss of step {step} is {value}, the length of its gradient {length}"
+        raise _NotFinite(what, math.isfinite(value) or not math.isfinite(float(own[0])))
+    learner.whole = False
     learner.optimizer.step()
     if learner.mean is not None:
         learner.mean.update_parameters(learner.bare)
     return value
 
 
-def _not_finite(step: int, schedule: Schedule, what: str, batch_of: Callable | None, kept: Path | None) -> str:
-    batch = f"; its batch: {batch_of(step)}" if batch_of is not None else f"; its batch is that of seed {schedule.seed}"
-    state = f"; the state before that step is in {kept}" if kept is not None else ""
+def _not_finite(learner: _Learner, step: int, error: _NotFinite, batch_of: Callable | None) -> str:
+    what, here = error.args
+    batch = batch_of(step) if batch_of is not None else f"that of seed {learner.schedule.seed}"
+    batch = f"; its batch: {batch}" if here else "; its batch is named by another process"
+    state = f"; the state before that step is in {learner.kept}" if learner.kept is not None else ""
     return f"training: {what}{batch}{state}. Look for bad numbers in those clips, or take a smaller rate"
 
 
-def seed_batch(schedule: Schedule, step: int, rank: int = 0) -> None:
-    """Seed torch's random numbers as `fit` does before step n of a process, to draw that batch again."""
+def seed_batch(schedule: Schedule, step: int, rank: int | None = None) -> None:
+    """Seed torch's random numbers as `fit` does before step n of a process (this one if left out), to draw it again."""
+    if rank is None:
+        rank = torch.distributed.get_rank() if torch.distributed.is_initialized() else 0
     torch.manual_seed(schedule.seed * 1_000_003 + step + rank * 2_038_074_743)
 
 
 def device_of(model: nn.Module) -> torch.device:
     """Where a model's weights are, and so where its batches must be."""
     return next(model.parameters()).device
+
+
+def is_main() -> bool:
+    """Whether this process writes and prints: the only one, or the first of those that `accelerate launch` started.
+
+    >>> is_main()
+    True
+    """
+    return PartialState().is_main_process
+
+
+def in_main(write: Callable[[], object]) -> None:
+    """Do this in the main process only; the others wait until it is done.
+
+    >>> in_main(lambda: print("written"))
+    written
+    """
+    if is_main():
+        write()
+    PartialState().wait_for_everyone()

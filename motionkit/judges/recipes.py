@@ -12,7 +12,7 @@ from ..cards import card_of, place_for
 from ..datasets import Dataset, Encoded, Split
 from ..errors import MotionKitError
 from ..layers import StGcn, StGcnConfig
-from ..training import Schedule, device_of, fit
+from ..training import Schedule, device_of, fit, in_main
 from .autoencoder import DenoisingAutoencoder, MotionAutoencoder, denoising_loss
 from .classifier import Classifier
 from .poses import WINDOW
@@ -151,4 +151,5 @@ def train_part(part: str, data: Dataset, config: StGcnConfig, steps: int | None,
         share = single_frame_accuracy(part, split, still, title=f"{path.stem}, single frames")
         made.card["metrics"]["single_frame_accuracy"] = round(share, 2)
     made.card = {"name": path.stem, "command": command, **made.card}
-    return made.save(path)
+    in_main(lambda: made.save(path))
+    return path

@@ -8,7 +8,7 @@ from .. import checkpoints, text
 from ..cards import place_for
 from ..datasets import Dataset
 from ..layers import TransformerConfig
-from ..training import Schedule
+from ..training import Schedule, in_main
 from .prior import Prior
 from .recipes import RATE, STEPS, train_discriminator, train_prior
 from .text_recipe import STEPS as TEXT_STEPS
@@ -29,7 +29,8 @@ def train_part(
     """Train one of `PARTS` for a dataset and write it where `load` finds it; returns the path of the weights.
 
     steps: of the training; left out, the recipe's. encoder: of the sentences, see `text.load`. The state of the run is
-    kept beside the weights, so a run that was broken off goes on. A discriminator needs the dataset's prior.
+    kept beside the weights, so a run that was broken off goes on. A discriminator needs the dataset's prior. Of several
+    processes the first writes.
     """
     path = place_for(data.name, part) if part != "text" else checkpoints.folder() / "text-mini.safetensors"
     keep, split = path.with_suffix(".run"), data.split()
@@ -44,4 +45,5 @@ def train_part(
             prior = Prior.load(place_for(data.name, "prior"))
             made = train_discriminator(split, prior, schedule, keep=keep, title=path.stem)
     made.card = {"name": path.stem, "command": command, **made.card}
-    return made.save(path)
+    in_main(lambda: made.save(path))
+    return path
