@@ -11,7 +11,7 @@ IN := $(VENV)/bin/python
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-io fuzz pins clean
+.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-diffusion bench-io fuzz pins clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -44,6 +44,9 @@ bench-actor: $(READY) ## measure the performer into results/actor.json
 
 bench-arena: $(READY) ## measure the arena, and the methods to beat, into results/arena-baselines.json
 	$(IN) tools/bench_arena.py
+
+bench-diffusion: $(READY) ## measure samplers, priors and discriminators into results/diffusion.json
+	$(IN) tools/bench_diffusion.py
 
 bench-io: $(READY) ## measure reading and kinematics into results/io.json
 	$(IN) tools/bench_io.py

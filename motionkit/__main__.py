@@ -1,5 +1,5 @@
 """The command line: `python -m motionkit info FILE`, `play FILE`, `stylize IN --style STYLE -o OUT`, `perform WHAT`,
-`train WHAT --data NAME`."""
+`imagine SENTENCE`, `train WHAT --data NAME`."""
 
 from __future__ import annotations
 
@@ -45,6 +45,7 @@ def _parser() -> argparse.ArgumentParser:
     stylize.add_argument("--method", default="statistics", help=f"one of: {', '.join(methods.names())}")
     stylize.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)
     _add_perform(commands)
+    _add_imagine(commands)
     _add_train(commands)
     return parser
 
@@ -60,6 +61,16 @@ def _add_perform(commands: argparse._SubParsersAction) -> None:
     perform.add_argument("-o", "--output", required=True, help="the BVH file to write")
 
 
+def _add_imagine(commands: argparse._SubParsersAction) -> None:
+    imagine = commands.add_parser("imagine", help="make a motion of a sentence, and write BVH")
+    imagine.add_argument("sentence", help='such as "a person walks in depression"')
+    imagine.add_argument("--prior", default="actor", help="the dataset whose prior makes it")
+    imagine.add_argument("--seconds", type=float, default=4.0)
+    imagine.add_argument("--seed", type=int, default=0, help="another number, another motion")
+    imagine.add_argument("--scale", type=float, default=2.5, help="of guidance: more follows the sentence closer")
+    imagine.add_argument("-o", "--output", required=True, help="the BVH file to write")
+
+
 def _add_train(commands: argparse._SubParsersAction) -> None:
     train = commands.add_parser("train", help="train on a dataset, and write weights with a card")
     train.add_argument("what", choices=_TRAINED, help="judge: content, style and autoencoder")
@@ -72,6 +83,8 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
 
 
 def _train(args: argparse.Namespace) -> None:
+    from .training import in_main
+
     data, judged = datasets.load(args.data, args.root), args.what in ("judge", "content", "style", "autoencoder")
     for part in ("content", "style", "autoencoder") if args.what == "judge" else [args.what]:
         command = f"python -m motionkit train {part} --data {args.data} --config {args.config} --seed {args.seed}"
@@ -81,13 +94,14 @@ def _train(args: argparse.Namespace) -> None:
             from .judges.recipes import train_part
             from .layers import StGcnConfig
 
-            print(train_part(part, data, getattr(StGcnConfig, args.config)(), args.steps, args.seed, command))
+            path = train_part(part, data, getattr(StGcnConfig, args.config)(), args.steps, args.seed, command)
         else:
             from .layers import TransformerConfig
             from .priors.commands import train_part
 
             config = getattr(TransformerConfig, args.config)()
-            print(train_part(part, data, config, args.steps, args.seed, command, args.text))
+            path = train_part(part, data, config, args.steps, args.seed, command, args.text)
+        in_main(lambda path=path: print(path))
 
 
 def _info(args: argparse.Namespace) -> None:
@@ -140,6 +154,14 @@ def _perform(args: argparse.Namespace) -> None:
     print(made.captions[0])
 
 
+def _imagine(args: argparse.Namespace) -> None:
+    from . import priors
+
+    output = _fresh(args.output, ".bvh", [])
+    made = priors.load(args.prior).generate(args.sentence, args.seconds, scale=args.scale, seed=args.seed)
+    print(save(made[0], output))
+
+
 def _fresh(output: str | Path, suffix: str, inputs: list[str]) -> Path:
     """The file to write; refuses one that is read here, and names that would tell other programs something wrong."""
     path = Path(output)
@@ -148,6 +170,16 @@ def _fresh(output: str | Path, suffix: str, inputs: list[str]) -> Path:
     if path.suffix.lower() != suffix and not path.is_dir():
         raise MotionKitError(f"{path}: what is written is a {suffix} file; name it so")
     return path
+
+
+_COMMANDS = {
+    "info": _info,
+    "play": _play,
+    "stylize": _stylize,
+    "perform": _perform,
+    "imagine": _imagine,
+    "train": _train,
+}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -161,9 +193,7 @@ def main(arguments: list[str] | None = None) -> int:
         with warnings.catch_warnings():
             warnings.simplefilter("always", MotionKitWarning)
             warnings.showwarning = lambda message, *_: print(f"motionkit: {message}", file=sys.stderr)
-            {"info": _info, "play": _play, "stylize": _stylize, "perform": _perform, "train": _train}[args.command](
-                args
-            )
+            _COMMANDS[args.command](args)
     except MotionKitError as error:
         print(f"motionkit: {error}", file=sys.stderr)
         return 2

@@ -4,6 +4,7 @@ from .stgcn import StGcn, StGcnBlock, StGcnConfig, spatial_partitions
 from .transformer import (
     Denoiser,
     PoseEmbedding,
+    PoseOutput,
     SemanticEncoder,
     TransformerConfig,
     encoder,
@@ -14,6 +15,7 @@ from .transformer import (
 __all__ = [
     "Denoiser",
     "PoseEmbedding",
+    "PoseOutput",
     "SemanticEncoder",
     "StGcn",
     "StGcnBlock",

@@ -13,11 +13,11 @@ from ..errors import MotionKitError
 
 @dataclass(frozen=True)
 class TransformerConfig:
-    """Sizes. width: of a token. frames_per_token: frames that share one. frames: the longest motion that it learns from.
+    """Sizes. width: of a token. frames_per_token: frames that share one. frames: the longest motion to learn from.
 
     `paper()` is paper 1, section 4: 8 layers, 512 wide, feed-forward 1024, a token for each frame; heads and dropout,
-    which it does not give, are those of MDM (Tevet et al. 2023), from which it comes. `laptop()` has the same parts, but
-    four frames share a token, so that it trains on two cores.
+    which it does not give, are those of MDM (Tevet et al. 2023), from which it comes. `laptop()` has the same parts,
+    but a token for four frames, so that it trains on two cores. Raises MotionKitError for sizes that do not fit.
 
     >>> TransformerConfig.paper().layers, TransformerConfig.laptop().frames_per_token
     (8, 4)
@@ -30,6 +30,16 @@ class TransformerConfig:
     frames_per_token: int = 1
     frames: int = 196
     dropout: float = 0.1
+
+    def __post_init__(self) -> None:
+        sizes = (self.width, self.layers, self.heads, self.feedforward, self.frames_per_token, self.frames)
+        if not all(isinstance(size, int) and size >= 1 for size in sizes) or not 0 <= self.dropout < 1:
+            raise MotionKitError(f"sizes are whole numbers from 1, dropout from 0 to below 1; found {self}")
+        if self.width % 2 or self.width % self.heads:
+            raise MotionKitError(
+                f"width must be even, and the heads share it evenly; found width {self.width}, {self.heads} heads: "
+                f"take width {2 * self.heads * max(self.width // (2 * self.heads), 1)}"
+            )
 
     @classmethod
     def paper(cls) -> TransformerConfig:
@@ -62,7 +72,8 @@ def sinusoids(length: int, width: int) -> Tensor:
 class PoseEmbedding(nn.Module):
     """Motion features to tokens (paper 1, section 4: the shared embedding layer): [B, F, D] to [B, N, width].
 
-    Each token holds `frames_per_token` frames; a motion that does not fill the last one goes on in its last pose.
+    There is a token for every `frames_per_token` frames. Where that is more than one, a token sees twice as many, the
+    ones around included, so that neighbours overlap. Beyond the ends of the motion there are zeros.
 
     >>> PoseEmbedding(10, TransformerConfig.tiny())(torch.zeros(2, 30, 10)).shape
     torch.Size([2, 8, 64])
@@ -71,18 +82,50 @@ class PoseEmbedding(nn.Module):
     def __init__(self, features: int, config: TransformerConfig) -> None:
         super().__init__()
         self.features, self.together = features, config.frames_per_token
-        self.linear = nn.Linear(features * self.together, config.width)
+        self.seen = 1 if self.together == 1 else 2 * self.together
+        self.linear = nn.Linear(features * self.seen, config.width)
 
     def forward(self, x: Tensor) -> Tensor:
-        short = -x.shape[1] % self.together
-        if short:
-            x = torch.cat((x, x[:, -1:].expand(-1, short, -1)), 1)
-        return self.linear(x.unflatten(1, (-1, self.together)).flatten(2))  # [B, N, together x D]
+        short, around = -x.shape[1] % self.together, self.seen - self.together
+        x = nn.functional.pad(x, (0, 0, around // 2, short + around - around // 2))
+        return self.linear(x.unfold(1, self.seen, self.together).flatten(2))  # [B, N, D x seen]
 
     def hidden(self, mask: Tensor) -> Tensor:
         """Frames that count, bool [B, F], to tokens that do not, bool [B, N]: those without any such frame."""
         short = -mask.shape[1] % self.together
         return ~nn.functional.pad(mask, (0, short)).unflatten(1, (-1, self.together)).any(2)
+
+
+class PoseOutput(nn.Module):
+    """The inverse of `PoseEmbedding` (paper 1, section 4): tokens [B, N, width] to features [B, F, D].
+
+    Where tokens overlap, each frame is a mean of two of them, which fades from one to the next: no jumps in between.
+
+    >>> PoseOutput(10, TransformerConfig.tiny())(torch.zeros(2, 8, 64), frames=30).shape
+    torch.Size([2, 30, 10])
+    """
+
+    def __init__(self, features: int, config: TransformerConfig) -> None:
+        super().__init__()
+        self.together = config.frames_per_token
+        self.seen = 1 if self.together == 1 else 2 * self.together
+        self.linear = nn.Linear(config.width, features * self.seen)
+        fade = torch.sin((torch.arange(self.seen) + 0.5) * (math.pi / self.seen)) ** 2  # of neighbours it adds up to 1
+        self.register_buffer("fade", fade[:, None], persistent=False)
+
+    def forward(self, tokens: Tensor, frames: int) -> Tensor:
+        each = self.linear(tokens).unflatten(2, (self.seen, -1))  # [B, N, seen, D]
+        if self.together == 1:
+            return each[:, :frames, 0]
+        first = self.together // 2
+        weight = self._overlapped(self.fade.expand(1, each.shape[1], -1, 1))
+        return (self._overlapped(each * self.fade) / weight)[:, first : first + frames]
+
+    def _overlapped(self, each: Tensor) -> Tensor:
+        """The first halves of [B, N, seen, D] laid over the second halves of those before: [B, (N + 1) seen / 2, D]."""
+        ahead, behind = each.split(self.together, 2)
+        ahead, behind = (nn.functional.pad(x, (0, 0, 0, 0, *ends)) for x, ends in ((ahead, (0, 1)), (behind, (1, 0))))
+        return (ahead + behind).flatten(1, 2)
 
 
 def encoder(config: TransformerConfig) -> nn.TransformerEncoder:
@@ -94,7 +137,7 @@ def encoder(config: TransformerConfig) -> nn.TransformerEncoder:
 
 
 class Denoiser(nn.Module):
-    """The network of paper 1's prior (eqs. 3 and 4, figure 2a): from a noisy motion, the step and a text to the clean one.
+    """The network of paper 1's prior (eqs. 3 and 4, figure 2a): from noisy motion, step and text to the clean motion.
 
     Text and step embedding, added, are one token in front of those of the motion. features: D. text_size: of the text's
     embedding. steps: T.
@@ -111,16 +154,23 @@ class Denoiser(nn.Module):
         self.text = nn.Linear(text_size, width)
         self.step = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
         self.encoder = encoder(config)
-        self.output = nn.Linear(width, features * config.frames_per_token)
+        self.output = PoseOutput(features, config)
         self.register_buffer("waves", sinusoids(max(steps, config.frames) + 2, width), persistent=False)
 
     def forward(self, x: Tensor, t: Tensor, text: Tensor, mask: Tensor | None = None) -> Tensor:
-        """x: [B, F, D] at step t, long [B]. text: [B, E]. mask: bool [B, F], which frames are there. Returns x0."""
+        """x: [B, F, D] at step t, long [B]. text: [B, E]. mask: bool [B, F], which frames are there. Returns x0.
+
+        Raises MotionKitError for more frames than there are positions.
+        """
+        x = x if mask is None else x * mask[..., None]
         condition = self.text(text) + self.step(self.waves[t])
         tokens = torch.cat((condition[:, None], self.embedding(x)), 1)  # [B, 1 + N, width]
+        if tokens.shape[1] > len(self.waves):
+            most = (len(self.waves) - 1) * self.config.frames_per_token
+            raise MotionKitError(f"this network has positions for {most} frames; found {x.shape[1]}: cut the motion")
         hidden = None if mask is None else nn.functional.pad(self.embedding.hidden(mask), (1, 0))
         seen = self.encoder(tokens + self.waves[: tokens.shape[1]], src_key_padding_mask=hidden)
-        return self.output(seen[:, 1:]).unflatten(2, (self.config.frames_per_token, -1)).flatten(1, 2)[:, : x.shape[1]]
+        return self.output(seen[:, 1:], x.shape[1])
 
 
 class SemanticEncoder(nn.Module):
@@ -150,7 +200,7 @@ class SemanticEncoder(nn.Module):
 
     def forward(self, x: Tensor, mask: Tensor | None = None) -> Tensor:
         """x: clean features [B, F, D], F at most `config.frames`; mask: bool [B, F]. Returns H_token [B, E]."""
-        poses = self.embedding(x)
+        poses = self.embedding(x if mask is None else x * mask[..., None])
         if poses.shape[1] + 1 > len(self.waves):
             raise MotionKitError(f"the longest motion for this network has {self.config.frames} frames; cut it first")
         tokens = torch.cat((self.token.expand(len(x), 1, -1), poses), 1)
