@@ -10,6 +10,7 @@ from ..datasets import Dataset
 from ..layers import TransformerConfig
 from ..training import Schedule, in_main
 from .prior import Prior
+from .quality import grade
 from .recipes import RATE, STEPS, train_discriminator, train_prior
 from .text_recipe import STEPS as TEXT_STEPS
 from .text_recipe import train_text
@@ -46,4 +47,6 @@ def train_part(
             made = train_discriminator(split, prior, schedule, keep=keep, title=path.stem)
     made.card = {"name": path.stem, "command": command, **made.card}
     in_main(lambda: made.save(path))
+    if part == "prior":
+        in_main(lambda: grade(path, split))
     return path

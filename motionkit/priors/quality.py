@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
+
 import torch
 from tqdm.auto import tqdm
 
-from .. import sampling
+from .. import checkpoints, judges, sampling
 from ..datasets import Dataset, Split
 from ..judges import Judge
 from ..metrics import fmd
@@ -53,3 +55,14 @@ def quality(prior: Prior, split: Split, judge: Judge, made: list[Motion] | None 
         found[name] = fmd(encoder.features(made), there)
         found[f"{name}_real"] = fmd(encoder.features(others), there)
     return {name: round(value, 3) for name, value in found.items()}
+
+
+def grade(path: str | os.PathLike, split: Split) -> dict[str, float]:
+    """Write the `quality` of weights into their card; nothing where no judge was trained on the dataset."""
+    name = split.train.name
+    if name not in judges.names() or not len(split.test):
+        return {}
+    tensors, card = checkpoints.load(path, "prior")
+    card["metrics"] = quality(Prior.load(path), split, judges.load(name))
+    checkpoints.save(path, tensors, card)
+    return card["metrics"]
