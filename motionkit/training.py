@@ -1,7 +1,8 @@
 """One training loop for everything that learns here: it shows progress, and a run broken off goes on where it was.
 
-It stands on `accelerate`, so the same call trains on a CPU, a GPU, several of them and several machines
-(`accelerate launch -m motionkit train ...`).
+It stands on `accelerate`, so the same call trains on a CPU, a GPU, several of them and several machines: `accelerate
+launch -m motionkit train ...` on a GPU, and with `--multi_gpu --num_processes 2` on two. Without a GPU those are two
+processes on the CPU, as they are anywhere with ACCELERATE_USE_CPU=true in the environment.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from pathlib import Path
 
 import torch
 from accelerate import Accelerator, PartialState
-from accelerate.utils import broadcast
+from accelerate.utils import broadcast, parse_flag_from_env
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 from tqdm.auto import tqdm
@@ -89,7 +90,8 @@ class _Learner:
     @classmethod
     def of(cls, model: nn.Module, schedule: Schedule, kept: Path | None) -> _Learner:
         """On the device that there is; mixed precision (bfloat16) on a GPU."""
-        accelerator = Accelerator(mixed_precision="bf16" if torch.cuda.is_available() else "no")
+        cpu = _on_cpu()
+        accelerator = Accelerator(mixed_precision="no" if cpu or not torch.cuda.is_available() else "bf16", cpu=cpu)
         optimizer = torch.optim.AdamW(model.parameters(), schedule.rate, weight_decay=schedule.decay)
         wrapped, optimizer = accelerator.prepare(model, optimizer)
 
@@ -267,13 +269,19 @@ def device_of(model: nn.Module) -> torch.device:
     return next(model.parameters()).device
 
 
+def _on_cpu() -> bool:
+    """Whether accelerate must be told to stay on the CPU: several processes would not find each other there else."""
+    there = (torch.cuda.is_available(), torch.backends.mps.is_available(), torch.xpu.is_available())
+    return parse_flag_from_env("ACCELERATE_USE_CPU") or not any(there)
+
+
 def is_main() -> bool:
     """Whether this process writes and prints: the only one, or the first of those that `accelerate launch` started.
 
     >>> is_main()
     True
     """
-    return PartialState().is_main_process
+    return PartialState(cpu=_on_cpu()).is_main_process
 
 
 def in_main(write: Callable[[], object]) -> None:

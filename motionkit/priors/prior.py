@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
@@ -117,15 +118,18 @@ class Prior:
         frames = self._frames(seconds, len(prompts))
         mask = torch.arange(max(frames)) < torch.tensor(frames)[:, None] if len(set(frames)) > 1 else None
         predict = self.predict(prompts, scale, mask)
-        x = sampler(predict, self.noise(prompts, max(frames), seed), self.schedule, steps, **more)
+        with torch.random.fork_rng(devices=[]):  # what a sampler draws beside, as ddpm does, follows the seed too
+            torch.manual_seed(seed)
+            x = sampler(predict, self.noise(prompts, max(frames), seed), self.schedule, steps, **more)
         return [self.decode(one[:count], prompt) for one, prompt, count in zip(x, prompts, frames)]
 
     def _frames(self, seconds: float | Sequence[float], count: int) -> list[int]:
-        each = [seconds] * count if isinstance(seconds, int | float) else list(seconds)
+        each = list(seconds) if isinstance(seconds, Sequence) else [seconds] * count
         if not each or len(each) != count:
             raise MotionKitError(f"expected at least one prompt, and seconds for each; found {count} and {len(each)}")
         for one in each:
-            if not isinstance(one, int | float) or not 2 <= round(one * self.fps) <= self.longest:
+            number = isinstance(one, int | float) and math.isfinite(one)
+            if not number or not 2 <= round(one * self.fps) <= self.longest:
                 raise MotionKitError(
                     f"seconds: this prior learned from motions of up to {self.longest / self.fps:.1f} s "
                     f"({self.longest} frames); found {one!r}: make several and put them together with mk.concatenate"

@@ -1,0 +1,82 @@
+"""What two processes do together, for test_training_processes.py: run by `accelerate launch`, with FOLDER and CLIPS."""
+
+import json
+import sys
+from pathlib import Path
+
+import torch
+from accelerate import PartialState
+from safetensors.torch import save_file
+from test_training import MEAN, a_loss, a_net, a_net_with_buffers
+
+import motionkit as mk
+from motionkit.__main__ import main
+from motionkit.training import Schedule, fit, in_main, is_main, seed_batch
+
+BAD = 3  # the step whose batch holds a NaN, in the second process
+
+
+def together(folder: Path, rank: int, said: dict) -> None:
+    """A run from beginning to end, shown and kept by one of the two."""
+    net, shown = a_net(), []
+    run = fit(net, a_loss, MEAN, keep=folder / f"kept-by-{rank}.run", title=f"bar of {rank}", every=0.0,
+              show=lambda step, _: shown.append(sorted(path.name for path in folder.glob("kept-by-*"))))  # fmt: skip
+    said.update(losses=run.losses, shown=len(shown), files=shown[-1] if shown else [])
+    save_file(net.state_dict(), folder / f"together-{rank}.safetensors")
+
+
+def broken_off(folder: Path, rank: int, said: dict) -> None:
+    """The same run, which is stopped in both processes and goes on; and one with buffers."""
+    net = a_net()
+
+    def stopped(model: torch.nn.Module, step: int) -> torch.Tensor:
+        if step == 10:
+            raise KeyboardInterrupt
+        return a_loss(model, step)
+
+    try:
+        fit(net, stopped, MEAN, keep=folder / "broken.run", title="")
+    except KeyboardInterrupt:
+        PartialState().wait_for_everyone()
+    net = a_net()
+    said.update(again=fit(net, a_loss, MEAN, keep=folder / "broken.run", title="").losses)
+    save_file(net.state_dict(), folder / f"broken-{rank}.safetensors")
+    net = a_net_with_buffers()
+    fit(net, a_loss, MEAN, title="")
+    save_file(net.state_dict(), folder / f"buffers-{rank}.safetensors")
+
+
+def bad(folder: Path, rank: int, said: dict) -> None:
+    """A NaN in the second process only."""
+
+    def batch_of(step: int) -> str:
+        seed_batch(Schedule(9), step)
+        return f"clip {int(torch.randint(10**6, ()))}"
+
+    def loss_of(model: torch.nn.Module, step: int) -> torch.Tensor:
+        drawn = int(torch.randint(10**6, ()))
+        if step == BAD:
+            said.update(drawn=f"clip {drawn}")
+        return a_loss(model, step) * (torch.nan if step == BAD and rank == 1 else 1)
+
+    try:
+        fit(a_net(), loss_of, Schedule(9), keep=folder / "bad.run", title="", batch_of=batch_of)
+    except mk.MotionKitError as error:
+        said.update(message=str(error))
+
+
+if __name__ == "__main__":
+    folder, clips = map(Path, sys.argv[1:3])
+    said = {"main": is_main(), "processes": PartialState().num_processes}
+    rank = PartialState().process_index
+    for part in (together, broken_off, bad):
+        part(folder, rank, said)
+        PartialState().wait_for_everyone()
+    in_main(lambda: (folder / f"written-by-{rank}").touch())
+    said.update(waited=(folder / "written-by-0").exists())
+    said.update(
+        code=main(["train", "prior", "--data", "folder", "--root", str(clips), "--config", "tiny", "--steps", "2"])
+    )
+    said.update(there=(folder / "checkpoints" / "folder-prior.json").exists())
+    (folder / f"said-{rank}.json").write_text(json.dumps(said))
+    PartialState().destroy_process_group()
