@@ -115,3 +115,16 @@ def test_a_page_without_a_kernel_gets_a_picture(box):
     assert Image.open(io.BytesIO(before)).size[0] > 700
     box.controls["prompt"].value = "an old person walks"
     assert box.still() != before
+
+
+def test_a_table_of_cosines_has_its_numbers_and_marks():
+    near = torch.tensor([[1.0, 0.25], [-0.5, 0.9], [0.0, 0.5]])
+    picture = mk.viewer.plot_similarity(near, ["a", "b", "c"], ["d", "e"], marks=[(1, 1)])
+    ax = picture.axes[0]
+    assert [text.get_text() for text in ax.texts] == ["1.00", "0.25", "-0.50", "0.90", "0.00", "0.50"]
+    assert [patch.get_xy() for patch in ax.patches] == [(0.5, 0.5)]
+    assert [text.get_text() for text in ax.get_xticklabels()] == ["d", "e"]
+    large = mk.viewer.plot_similarity(torch.eye(20), [str(n) for n in range(20)])
+    assert not large.axes[0].texts
+    with pytest.raises(mk.MotionKitError, match=r"a table \[2, 2\]"):
+        mk.viewer.plot_similarity(near, ["a", "b"])
