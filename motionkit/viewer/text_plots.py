@@ -40,14 +40,14 @@ def plot_similarity(
     small = max(near.shape) <= _WRITTEN
     cell, letters = (0.46, 8.5) if small else (0.2, 6.5)
     beside = 0.085 * max(map(len, rows)) if small else 0.065 * max(map(len, rows))
-    under = 0.05 * max(map(len, columns))
+    under = (0.05 if small else 0.065) * max(map(len, columns))
     size = (cell * len(columns) + beside + 0.4, cell * 0.85 * len(rows) + under + 0.5)
     picture = Print(figsize=size, dpi=105, layout="constrained")
     ax = picture.add_subplot()
     ax.imshow(near.detach().cpu().numpy(), cmap="Blues", vmin=0, vmax=1, aspect="auto")
     ax.set_yticks(range(len(rows)), rows, fontsize=letters, color=INK)
-    ax.set_xticks(range(len(columns)), columns, fontsize=letters, color=INK, rotation=35, ha="right",
-                  rotation_mode="anchor")  # fmt: skip
+    slant = {"rotation": 35 if small else 90, "ha": "right", "va": "top" if small else "center"}
+    ax.set_xticks(range(len(columns)), columns, fontsize=letters, color=INK, rotation_mode="anchor", **slant)
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
     ax.set_title(title, fontsize=10, color=SOFT, loc="left")
