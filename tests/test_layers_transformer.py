@@ -11,6 +11,7 @@ from motionkit.diffusion import NoiseSchedule, simple_loss
 from motionkit.layers import (
     Denoiser,
     PoseEmbedding,
+    PoseOutput,
     SemanticEncoder,
     TransformerConfig,
     encoder,
@@ -50,7 +51,7 @@ def test_paper_sizes():
         first = built.encoder.layers[0]
         assert first.linear1.weight.shape == (1024, 512) and first.self_attn.embed_dim == 512
         assert built.embedding.linear.weight.shape == (512, 199)
-    assert network.output.weight.shape == (199, 512)  # the input embedding's inverse
+    assert network.output.linear.weight.shape == (199, 512)  # the input embedding's inverse
     attention, forward, norms = 4 * (512 * 512 + 512), 2 * 512 * 1024 + 1024 + 512, 4 * 512
     assert sum(p.numel() for p in encoder(config).parameters()) == 8 * (attention + forward + norms)
 
@@ -72,9 +73,9 @@ def test_frames_that_are_not_there_change_nothing(config):
             with torch.no_grad():
                 a, b = network(x, *more, mask), network(changed, *more, mask)
                 alone, free = network(x[:1, :20], *(one[:1] for one in more)), network(changed, *more)
-            if more:
-                a, b, free = (value[0, :20] for value in (a, b, free))
-            assert torch.allclose(a, b, atol=1e-5) and torch.allclose(a[:1] if not more else a, alone[0], atol=1e-5)
+            a, b, alone, free = (value[0, :18] if more else value[0] for value in (a, b, alone, free))
+            # the motion's last two frames are not compared: half of them comes from the token behind the end
+            assert torch.allclose(a, b, atol=1e-5) and torch.allclose(a, alone, atol=1e-5)
             assert not torch.allclose(a, free, atol=1e-3)  # without the mask they would
 
 
@@ -84,12 +85,23 @@ def test_a_token_that_is_partly_there_counts():
     assert hidden.tolist() == [[False, True, True], [False, False, True], [False] * 3, [False] * 3]
 
 
-def test_a_motion_that_does_not_fill_its_last_token_goes_on_in_its_last_pose():
+def test_tokens_overlap_and_see_zeros_beyond_the_ends():
     embedding, x = PoseEmbedding(10, TINY), some(2, 30, 10)
-    longer = torch.cat((x, x[:, -1:], x[:, -1:]), 1)
-    assert torch.equal(embedding(x), embedding(longer))
-    by_hand = embedding.linear(x[:, 4:8].reshape(2, 40))
-    assert torch.allclose(embedding(x)[:, 1], by_hand, atol=1e-6)
+    longer = torch.cat((torch.zeros(2, 2, 10), x, torch.zeros(2, 4, 10)), 1)
+    by_hand = [embedding.linear(longer[:, n : n + 8].mT.flatten(1)) for n in range(0, 32, 4)]
+    assert torch.allclose(embedding(x), torch.stack(by_hand, 1), atol=1e-5)
+
+
+def test_frames_that_two_tokens_make_fade_from_one_to_the_other():
+    output, tokens = PoseOutput(1, TINY), torch.zeros(1, 3, 64)
+    nn.init.constant_(output.linear.bias, 5.0)
+    assert torch.allclose(output(tokens, 11), torch.full((1, 11, 1), 5.0), atol=1e-5)
+    output.linear.weight.data = torch.ones(8, 64) / 64
+    made = output(tokens + torch.tensor([0.0, 1.0, 0.0])[None, :, None], 12)[0, :, 0] - 5
+    assert torch.allclose(made[:2], torch.zeros(2), atol=1e-5) and torch.allclose(made[10:], torch.zeros(2), atol=1e-5)
+    fade = torch.sin((torch.arange(8) + 0.5) * math.pi / 8) ** 2  # frames 2 to 9 are the middle token's
+    assert torch.allclose(made[2:10], fade, atol=1e-5)
+    assert made[:6].diff().min() >= 0 and made[6:].diff().max() <= 0
 
 
 @CONFIGS

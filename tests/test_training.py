@@ -234,7 +234,15 @@ def train_until_killed(keep, begun, saves: int) -> None:
         replace(*paths)
 
     os.replace = deadly
-    fit(a_net_with_buffers(), a_loss, LONG, keep=keep, every=0.0, title="", show=lambda *_: begun.set())
+    fit(
+        a_net_with_buffers(),
+        a_loss,
+        LONG,
+        keep=keep,
+        every=0.0,
+        title="",
+        show=lambda *_: keep.exists() and begun.set(),
+    )
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL there")
