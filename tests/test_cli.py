@@ -32,6 +32,16 @@ def test_perform_writes_what_was_asked_for(tmp_path, capsys):
     assert "did you mean 'tired'" in capsys.readouterr().err and not (tmp_path / "no.bvh").exists()
 
 
+def test_imagine_writes_what_a_sentence_says(tmp_path, capsys):
+    out = tmp_path / "walk.bvh"
+    assert main(["imagine", "an old person walks", "--seconds", "2", "-o", str(out)]) == 0
+    assert len(mk.load(out)) == 60 and str(out) in capsys.readouterr().out
+    assert main(["imagine", "a dog barks at the moon", "--seconds", "1", "-o", str(out)]) == 0
+    assert "nearest" in capsys.readouterr().err
+    for wrong in (["imagine", " ", "-o", str(tmp_path / "no.bvh")], ["imagine", "a walk", "--seconds", "99"]):
+        assert main([*wrong, "-o", str(tmp_path / "no.bvh")]) == 2 and not (tmp_path / "no.bvh").exists()
+
+
 def test_play_writes_a_page_without_network(tmp_path, capsys):
     page = tmp_path / "walk.html"
     assert main(["play", "data/actor/walk_neutral.bvh", "data/actor/walk_old.bvh", "-o", str(page), "--no-open"]) == 0

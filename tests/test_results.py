@@ -44,9 +44,19 @@ TARGETS = {
         "single_frame_proud_strutting": 60,
         "single_frame_depressed_tired": 60,
     },
+    "diffusion": {
+        "paper_call_ms": 52,
+        "paper_ddim20_seconds": 1.0,
+        "laptop_ddim20_seconds": 0.15,
+        "dpm_solver_10_over_ddim_50_fmd_ratio": 1.05,
+        "actor_content": 95,
+        "actor_style": 90,
+        "actor_r1": 70,
+        "actor_training_seconds": 5400,
+    },
 }
 COMMANDS = {"arena-baselines": "make bench-arena"}  # where it is not `make bench-SUBJECT`
-LESS = ("_seconds", "_gb", "_mm", "_ratio", "_limits")  # endings of figures that should be small
+LESS = ("_seconds", "_ms", "_gb", "_mm", "_ratio", "_limits")  # endings of figures that should be small
 CASES = [(subject, name) for subject, names in TARGETS.items() for name in names]
 
 
@@ -87,3 +97,13 @@ def test_the_arena_tables_hold_every_method_on_the_whole_protocol():
         assert rows["copy-content"]["cra"] > 95 and rows["copy-content"]["sra"] < 5
         assert rows["copy-style"]["sra"] > 95 and rows["copy-style"]["cra"] < 5
     assert [p["protocol"] for p in tables["provenance"]] == ["paper-1", "paper-1"]
+
+
+def test_the_diffusion_tables_hold_both_datasets_and_every_sampler():
+    tables = result("diffusion")["tables"]
+    rows = {row["dataset"]: row for row in tables["quality"]}
+    assert set(rows) == {"actor", "bandai-2"} and all(row["fmd_real"] < row["fmd"] for row in rows.values())
+    assert {row["sampler"] for row in tables["samplers"]} == {"ddpm", "ddim", "dpm_solver"}
+    for size in ("paper", "laptop"):  # guidance asks the network twice
+        once, twice = (row["seconds"] for row in tables["speed"] if row["size"] == size)
+        assert once < twice

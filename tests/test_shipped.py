@@ -1,0 +1,95 @@
+"""The shipped priors, discriminators and text encoder, measured again and compared with their cards."""
+
+import pytest
+import torch
+
+import motionkit as mk
+from motionkit import checkpoints
+from motionkit.priors import retrieval
+from motionkit.priors.quality import answers
+from motionkit.text.mini import Mini
+
+ACTOR = ["a person walks in depression", "an old person walks", "a person kicks angrily", "a person jumps neutrally"]
+SEEN = [("walk", "depressed"), ("walk", "old"), ("kick", "angry"), ("jump", "neutral")]
+
+
+@pytest.fixture(scope="module")
+def actor():
+    return mk.datasets.load("actor").split()
+
+
+@pytest.fixture(scope="module")
+def prior():
+    return mk.priors.load("actor")
+
+
+def test_cards_say_what_they_must():
+    for name in ("text-mini", "actor-prior", "actor-discriminator", "bandai-2-prior", "bandai-2-discriminator"):
+        _, card = checkpoints.load(checkpoints.find(name))
+        assert card["command"].startswith("python -m motionkit train ") and card["steps_per_second"] > 0
+        assert card["seconds"] > 0 and card["metrics"] and card["data_sha256"] and card["hardware"]
+        assert card["licence"] == ("CC-BY-NC-4.0" if "bandai" in name else "MIT")
+        assert ("cc-by-nc-4.0" in str(checkpoints.find(name))) == ("bandai" in name)
+
+
+def test_the_data_are_those_that_the_weights_learned_from(actor, prior):
+    from motionkit.cards import data_hash
+
+    assert prior.card["data_sha256"] == data_hash(actor.train)
+
+
+def test_the_prior_is_as_good_as_its_card_says(actor, prior):
+    few = actor.test[::6]
+    judge, made = mk.judges.load("actor"), answers(prior, few)
+    for label, classifier in (("content", judge.content), ("style", judge.style)):
+        hits = classifier.scores(made).argmax(1) == classifier.ids([getattr(clip, label) for clip in few])
+        share = 100 * float(hits.double().mean())
+        assert abs(share - prior.card["metrics"][label]) < 12, (label, share)
+
+
+def test_prompts_give_what_they_say(prior):
+    judge, made = mk.judges.load("actor"), prior.generate(ACTOR, seconds=4)
+    content = [judge.content.labels[n] for n in judge.content.scores(made).argmax(1).tolist()]
+    style = [judge.style.labels[n] for n in judge.style.scores(made).argmax(1).tolist()]
+    assert sum(a == b for a, b in zip(zip(content, style), SEEN)) >= 3
+    assert all(torch.isfinite(motion.positions()).all() and len(motion) == 120 for motion in made)
+
+
+def test_motions_are_as_smooth_as_real_ones(actor, prior):
+    """Frames of neighbouring tokens must not jump: accelerations at the seams are those in between."""
+
+    def acceleration(motion: mk.Motion) -> torch.Tensor:
+        return motion.positions().diff(n=2, dim=0).norm(dim=-1).mean(1)[:116]
+
+    made = torch.stack([acceleration(motion) for motion in prior.generate(ACTOR, seconds=4)])
+    seams = made.unflatten(1, (-1, 4)).mean((0, 1))
+    assert float(seams.max() / seams.min()) < 2
+    real = torch.stack([acceleration(actor.test[n].motion) for n in range(0, len(actor.test), 24)])
+    assert float(made.mean()) < 3 * float(real.mean())
+
+
+def test_far_prompts_are_told(prior):
+    with pytest.warns(mk.MotionKitWarning, match="nearest"):
+        prior.generate("a dog barks at the moon", seconds=1)
+
+
+def test_the_discriminator_finds_as_much_as_its_card_says(actor):
+    judge = mk.priors.load_discriminator("actor")
+    assert retrieval(judge, actor.test) == pytest.approx(judge.card["metrics"], abs=2.0)
+
+
+@pytest.mark.captures
+def test_the_discriminator_of_captures_too(captures):
+    judge = mk.priors.load_discriminator("bandai-2")
+    assert retrieval(judge, mk.datasets.load("bandai-2", captures).split().test) == pytest.approx(
+        judge.card["metrics"], abs=2.0
+    )
+
+
+def test_mini_finds_the_motion_of_a_sentence(actor):
+    encoder = mk.text.load("mini")
+    assert isinstance(encoder, Mini) and encoder.card["metrics"]["sentence_by_motion_r1"] > 90
+    a, b = (encoder.encode([clip.texts[n] for clip in actor.test]) for n in (0, 1))
+    groups = [(clip.content, clip.style) for clip in actor.test]
+    found = mk.priors.recalls(a, b, groups)["r1"]
+    assert found == pytest.approx(encoder.card["metrics"]["sentence_by_sentence_r1"], abs=2)
