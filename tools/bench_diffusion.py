@@ -37,7 +37,7 @@ def speed() -> tuple[dict, list[dict]]:
     text, none, t = torch.randn(1, 128), torch.zeros(128), torch.tensor([500])
     note, figures, rows = f"{FRAMES} frames, {THREADS} threads, median of 7", {}, []
     for size, limit in (("paper", 1.0), ("laptop", 0.15)):
-        network = Denoiser(layout.size, 128, getattr(TransformerConfig, size)()).eval()  # its weights do not matter here
+        network = Denoiser(layout.size, 128, getattr(TransformerConfig, size)()).eval()  # fresh weights are as fast
         with torch.inference_mode():
             if size == "paper":
                 call = 1000 * seconds_of(partial(network, x, t, text))

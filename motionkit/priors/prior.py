@@ -116,7 +116,8 @@ class Prior:
         """
         prompts = [prompts] if isinstance(prompts, str) else list(prompts)
         frames = self._frames(seconds, len(prompts))
-        mask = torch.arange(max(frames)) < torch.tensor(frames)[:, None] if len(set(frames)) > 1 else None
+        longer = torch.tensor(frames)[:, None] + self.network.config.frames_per_token // 2  # the last token whole
+        mask = torch.arange(max(frames)) < longer if len(set(frames)) > 1 else None
         predict = self.predict(prompts, scale, mask)
         with torch.random.fork_rng(devices=[]):  # what a sampler draws beside, as ddpm does, follows the seed too
             torch.manual_seed(seed)
