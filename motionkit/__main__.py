@@ -79,6 +79,8 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
     train.add_argument("--config", default="laptop", choices=["tiny", "laptop", "paper"], help="the network's size")
     train.add_argument("--steps", type=int, help="batches; left out, the recipe's")
     train.add_argument("--seed", type=int, default=0)
+    train.add_argument("--rate", type=float, help="the highest learning rate of a prior; left out, the recipe's")
+    train.add_argument("--start", help="the name of a prior to go on from, such as actor-prior")
     train.add_argument("--text", default="mini", help="the text encoder of a prior, such as clip:FOLDER")
 
 
@@ -89,6 +91,8 @@ def _train(args: argparse.Namespace) -> None:
     for part in ("content", "style", "autoencoder") if args.what == "judge" else [args.what]:
         command = f"python -m motionkit train {part} --data {args.data} --config {args.config} --seed {args.seed}"
         command += f" --steps {args.steps}" if args.steps else ""
+        command += f" --rate {args.rate}" if args.rate else ""
+        command += f" --start {args.start}" if args.start else ""
         command += f" --text {args.text}" if args.text != "mini" else ""
         if judged:
             from .judges.recipes import train_part
@@ -100,7 +104,7 @@ def _train(args: argparse.Namespace) -> None:
             from .priors.commands import train_part
 
             config = getattr(TransformerConfig, args.config)()
-            path = train_part(part, data, config, args.steps, args.seed, command, args.text)
+            path = train_part(part, data, config, args.steps, args.seed, command, args.text, args.start, args.rate)
         in_main(lambda path=path: print(path))
 
 

@@ -26,10 +26,13 @@ def train_part(
     seed: int,
     command: str,
     encoder: str = "mini",
+    start: str | None = None,
+    rate: float | None = None,
 ) -> Path:
     """Train one of `PARTS` for a dataset and write it where `load` finds it; returns the path of the weights.
 
-    steps: of the training; left out, the recipe's. encoder: of the sentences, see `text.load`. The state of the run is
+    steps, rate: of the training; left out, the recipe's. encoder: of the sentences, see `text.load`. start: the name
+    of a prior to go on from, the one trained before for instance. The state of the run is
     kept beside the weights, so a run that was broken off goes on. A discriminator needs the dataset's prior. Of several
     processes the first writes.
     """
@@ -39,9 +42,10 @@ def train_part(
         schedule = Schedule(steps or TEXT_STEPS, rate=1e-3, decay=1e-2, seed=seed)
         made = train_text(split, None, schedule, keep=keep, title=path.stem)
     else:
-        schedule = Schedule(steps or STEPS[part], rate=RATE, decay=1e-2, seed=seed, average=0.999)
+        schedule = Schedule(steps or STEPS[part], rate=rate or RATE, decay=1e-2, seed=seed, average=0.999)
         if part == "prior":
-            made = train_prior(split, text.load(encoder), config, schedule, keep=keep, title=path.stem)
+            first = Prior.load(checkpoints.find(start)) if start else None
+            made = train_prior(split, text.load(encoder), config, schedule, start=first, keep=keep, title=path.stem)
         else:
             prior = Prior.load(place_for(data.name, "prior"))
             made = train_discriminator(split, prior, schedule, keep=keep, title=path.stem)

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from ..cards import card_of
+from ..checkpoints import load_into
 from ..datasets import Clip, Dataset, Encoded, Split
 from ..diffusion import NoiseSchedule, simple_loss
 from ..errors import MotionKitError
@@ -24,7 +25,7 @@ from .retrieval import AMONG, recalls
 from .sentences import nonsense, texts_of
 
 BATCH, RATE = 48, 7e-4
-STEPS = {"prior": 16000, "discriminator": 2000}
+STEPS = {"prior": 14000, "discriminator": 2000}
 DROP = 0.1  # share of the motions that come without their sentence, so that guidance can be used
 SHORTEST = 40  # frames of a window
 
@@ -62,26 +63,33 @@ def train_prior(
     noise: NoiseSchedule | None = None,
     drop: float = DROP,
     batch: int = BATCH,
+    start: Prior | None = None,
     **running,
 ) -> Prior:
     """Paper 1's generative prior (section 3.3, eq. 5) on the training part of a dataset with captions.
 
     config: sizes; `laptop()` if left out. noise: cosine with 1000 steps if left out. drop: share of the motions that it
     sees without a sentence; with 0 it cannot be guided. batch: windows a step, all of one length, which is drawn.
-    running: as in `training.fit`. Raises MotionKitError for clips without captions.
+    start: a prior to go on from, of the same sizes, with its normalizer and noise. running: as in `training.fit`.
+    Raises MotionKitError for clips without captions, or where `start` has other sizes.
     """
     split = data.split() if isinstance(data, Dataset) else data
     config, noise = config or TransformerConfig.laptop(), noise or NoiseSchedule.cosine(1000)
     schedule = schedule or Schedule(STEPS["prior"], rate=RATE, decay=1e-2, average=0.999)
     encoded, normalizer = fitted(split.train)
+    if start is not None:
+        normalizer, noise = start.normalizer, start.schedule
     sentences = Sentences.of(split.train, encoder)
     torch.manual_seed(schedule.seed)
     network = Denoiser(encoded.layout.size, encoder.size, config, noise.steps)
+    if start is not None:
+        load_into(network, start.network.state_dict(), "start")
     loss_of, batch_of = _prior_loss(encoded, normalizer, sentences, noise, config.frames, drop, batch, schedule)
     run = fit(network, loss_of, schedule, batch_of=batch_of, **running)
     known, least = known_sentences(split.train, encoder)
     card = {**card_of(split.train, schedule, run, network), "batch": batch, "drop": drop}
     card["last_loss"] = round(sum(run.losses[-200:]) / len(run.losses[-200:]), 4)
+    card |= {} if start is None else {"started_from": {k: start.card.get(k) for k in ("command", "steps", "seconds")}}
     layout = FacingFree(encoded.layout.skeleton, encoded.layout.fps)
     return Prior(network, layout, normalizer, noise, encoder, known, least, drop > 0, card)
 
