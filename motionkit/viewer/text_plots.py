@@ -38,16 +38,13 @@ def plot_similarity(
             f"{list(near.shape)}"
         )
     small = max(near.shape) <= _WRITTEN
-    cell, letters = (0.46, 8.5) if small else (0.2, 6.5)
-    beside = 0.085 * max(map(len, rows)) if small else 0.065 * max(map(len, rows))
-    under = (0.05 if small else 0.065) * max(map(len, columns))
-    size = (cell * len(columns) + beside + 0.4, cell * 0.85 * len(rows) + under + 0.5)
-    picture = Print(figsize=size, dpi=105, layout="constrained")
+    picture = Print(figsize=_size(rows, columns, small), dpi=105, layout="constrained")
     ax = picture.add_subplot()
     ax.imshow(near.detach().cpu().numpy(), cmap="Blues", vmin=0, vmax=1, aspect="auto")
-    ax.set_yticks(range(len(rows)), rows, fontsize=letters, color=INK)
     slant = {"rotation": 35 if small else 90, "ha": "right", "va": "top" if small else "center"}
-    ax.set_xticks(range(len(columns)), columns, fontsize=letters, color=INK, rotation_mode="anchor", **slant)
+    letters = {"fontsize": 8.5 if small else 6.5, "color": INK}
+    ax.set_yticks(range(len(rows)), rows, **letters)
+    ax.set_xticks(range(len(columns)), columns, rotation_mode="anchor", **slant, **letters)
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
     ax.set_title(title, fontsize=10, color=SOFT, loc="left")
@@ -56,6 +53,13 @@ def plot_similarity(
     for row, column in marks:
         ax.add_patch(_frame(row, column))
     return picture
+
+
+def _size(rows: Sequence[str], columns: Sequence[str], small: bool) -> tuple[float, float]:
+    """Of the picture, inches: room for the cells, and for the longest texts beside and under them."""
+    cell, beside, under = (0.46, 0.085, 0.05) if small else (0.2, 0.065, 0.065)
+    wide = cell * len(columns) + beside * max(map(len, rows)) + 0.4
+    return wide, 0.85 * cell * len(rows) + under * max(map(len, columns)) + 0.5
 
 
 def _write(ax: object, near: Tensor) -> None:
