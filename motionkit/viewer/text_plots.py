@@ -41,12 +41,7 @@ def plot_similarity(
     picture = Print(figsize=_size(rows, columns, small), dpi=105, layout="constrained")
     ax = picture.add_subplot()
     ax.imshow(near.detach().cpu().numpy(), cmap="Blues", vmin=0, vmax=1, aspect="auto")
-    slant = {"rotation": 35 if small else 90, "ha": "right", "va": "top" if small else "center"}
-    letters = {"fontsize": 8.5 if small else 6.5, "color": INK}
-    ax.set_yticks(range(len(rows)), rows, **letters)
-    ax.set_xticks(range(len(columns)), columns, rotation_mode="anchor", **slant, **letters)
-    ax.tick_params(length=0)
-    ax.spines[:].set_visible(False)
+    _name(ax, rows, columns, small)
     ax.set_title(title, fontsize=10, color=SOFT, loc="left")
     if small:
         _write(ax, near)
@@ -60,6 +55,15 @@ def _size(rows: Sequence[str], columns: Sequence[str], small: bool) -> tuple[flo
     cell, beside, under = (0.46, 0.085, 0.05) if small else (0.2, 0.065, 0.065)
     wide = cell * len(columns) + beside * max(map(len, rows)) + 0.4
     return wide, 0.85 * cell * len(rows) + under * max(map(len, columns)) + 0.5
+
+
+def _name(ax: object, rows: Sequence[str], columns: Sequence[str], small: bool) -> None:
+    slant = {"rotation": 35 if small else 90, "ha": "right", "va": "top" if small else "center"}
+    letters = {"fontsize": 8.5 if small else 6.5, "color": INK}
+    ax.set_yticks(range(len(rows)), rows, **letters)
+    ax.set_xticks(range(len(columns)), columns, rotation_mode="anchor", **slant, **letters)
+    ax.tick_params(length=0)
+    ax.spines[:].set_visible(False)
 
 
 def _write(ax: object, near: Tensor) -> None:
