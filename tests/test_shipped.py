@@ -68,6 +68,18 @@ def test_motions_are_as_smooth_as_real_ones(actor, prior):
     assert float(made.mean()) < 3 * float(real.mean())
 
 
+def test_joints_may_come_in_any_order_and_at_any_rate(prior):
+    """A BVH file writes joints depth first, the dataset that the prior learned from does not."""
+    walk = mk.load("data/actor/walk_old.bvh")
+    assert walk.skeleton.names != prior.layout.skeleton.names
+    back = prior.decode(prior.encode(walk))
+    places = [back.skeleton.index(name) for name in walk.skeleton.names]
+    assert torch.allclose(back.positions()[:, places], walk.at_origin().positions(), atol=0.02)
+    assert prior.encode(walk.resample(60)).shape == prior.encode(walk).shape
+    with pytest.raises(mk.MotionKitError, match="make a layout"):
+        prior.encode(mk.load("data/actor/dog_trot_neutral.bvh"))
+
+
 def test_far_prompts_are_told(prior):
     with pytest.warns(mk.MotionKitWarning, match="nearest"):
         prior.generate("a dog barks at the moon", seconds=1)

@@ -11,6 +11,7 @@ from .. import rotations as rot
 from ..errors import MotionKitError, motion_inside
 from ..features.frames import body_frames, forward_difference
 from ..motion import Motion
+from ..ordering import in_order
 from ..skeleton import Skeleton
 
 WINDOW, STRIDE = 64, 32  # frames
@@ -28,7 +29,7 @@ def fitting(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
     """
     if not isinstance(motion, Motion):
         raise MotionKitError(f"{who} judges motions; found {motion!r}{motion_inside(motion)}")
-    body = _in_order(motion.body(), skeleton)
+    body = in_order(motion.body(), skeleton)
     if not body.skeleton.same_tree(skeleton):
         odd = sorted(set(body.skeleton.names) ^ set(skeleton.names)) or ["the joints' parents"]
         raise MotionKitError(
@@ -39,21 +40,6 @@ def fitting(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
     if not len(body):
         raise MotionKitError(f"{who}: {motion.name!r} has no frames")
     return body if body.fps == fps else body.resample(fps)
-
-
-def _in_order(motion: Motion, like: Skeleton) -> Motion:
-    """The motion with its joints in another skeleton's order, if they are the same ones; else as it is."""
-    own = motion.skeleton
-    if own.names == like.names or sorted(own.names) != sorted(like.names):
-        return motion
-    order = [own.index(name) for name in like.names]
-    parents = tuple(-1 if own.parents[j] < 0 else like.names.index(own.names[own.parents[j]]) for j in order)
-    if parents != like.parents:
-        return motion
-    skeleton = Skeleton(like.names, parents, own.offsets[order])
-    return motion.replace(
-        skeleton=skeleton, rotations=motion.rotations[:, order], translations=motion.translations[:, order]
-    )
 
 
 def several(motions: Sequence[Motion | None]) -> list[Motion | None]:

@@ -15,6 +15,7 @@ from ..errors import MotionKitError
 from ..features import FacingFree, Normalizer
 from ..layers import SemanticEncoder, TransformerConfig
 from ..motion import Motion
+from .features import encoded
 
 
 @dataclass(eq=False)
@@ -48,7 +49,7 @@ class Discriminator:
 
     def encode(self, motion: Motion) -> Tensor:
         """A motion of F frames to the normalised features [F, D] that the network reads."""
-        return self.normalizer.normalize(self.layout.encode(motion).float())
+        return encoded(motion, self.layout, self.normalizer)
 
     @torch.no_grad()
     def embed(self, motions: Sequence[Motion]) -> Tensor:

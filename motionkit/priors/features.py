@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import torch
+from torch import Tensor
 
 from ..datasets import Dataset, Encoded
 from ..features import FacingFree, Normalizer
+from ..motion import Motion
+from ..ordering import in_order
 
 LEAST = 0.25  # of a part's spread: numbers that hardly move are not blown up to the size of others
 ROOT = 3.0  # how much larger the root's four numbers are made: all else follows from where the body goes
@@ -28,3 +31,13 @@ def fitted(data: Dataset) -> tuple[Encoded, Normalizer]:
             std[part] = torch.maximum(std[part], LEAST * std[part].square().mean().sqrt())
     std[layout.slices["root"]] /= ROOT
     return encoded, Normalizer(found.mean, std.clamp(min=1e-5), found.layout, found.data_hash)
+
+
+def encoded(motion: Motion, layout: FacingFree, normalizer: Normalizer) -> Tensor:
+    """A motion of F frames, its joints in any order and at any frame rate, to normalised features [F, D].
+
+    Raises MotionKitError for another skeleton.
+    """
+    motion = in_order(motion, layout.skeleton)
+    motion = motion if abs(motion.fps - layout.fps) < 1e-3 else motion.resample(layout.fps)
+    return normalizer.normalize(layout.encode(motion).float())

@@ -18,6 +18,7 @@ from ..errors import MotionKitError
 from ..features import FacingFree, Normalizer
 from ..layers import Denoiser, TransformerConfig
 from ..motion import Motion
+from .features import encoded
 
 SCALE = 2.5  # of guidance
 Sampler = Callable[..., Tensor]
@@ -68,7 +69,7 @@ class Prior:
 
     def encode(self, motion: Motion) -> Tensor:
         """A motion of F frames to the normalised features [F, D] that noise is added to."""
-        return self.normalizer.normalize(self.layout.encode(motion).float())
+        return encoded(motion, self.layout, self.normalizer)
 
     def decode(self, x: Tensor, name: str = "") -> Motion:
         """Normalised features [F, D] to a motion, by their rotations; it starts at the origin, facing +Z."""
