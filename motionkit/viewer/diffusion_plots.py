@@ -23,14 +23,15 @@ def plot_film(
     clouds: Mapping[str, Tensor],
     labels: Tensor | None = None,
     shadow: Tensor | None = None,
-    reach: float = 3.0,
+    reach: float = 4.0,
     names: Sequence[str] = (),
+    inches: float = 1.9,
 ) -> object:
     """Clouds of points side by side at one scale, such as one cloud at several steps of its way into noise or out.
 
     clouds: title to points [N, 2]. labels: class of each point, long [N], for its colour; names: of the classes, for a
-    legend. shadow: points [M, 2] that are drawn in grey under each cloud. reach: of the axes, both ways from 0. Returns
-    the matplotlib Figure. Raises MotionKitError for points of another shape.
+    legend. shadow: points [M, 2] that are drawn in grey under each cloud. reach: of the axes, both ways from 0. inches:
+    the width of a panel. Returns the matplotlib Figure. Raises MotionKitError for points of another shape.
 
     >>> import torch
     >>> picture = plot_film({"step 0": torch.zeros(5, 2), "step 9": torch.randn(5, 2)})
@@ -43,7 +44,7 @@ def plot_film(
         if cloud.ndim != 2 or cloud.shape[1] != 2 or (labels is not None and len(labels) != len(cloud)):
             found = list(cloud.shape) + ([f"with {len(labels)} labels"] if labels is not None else [])
             raise MotionKitError(f"plot_film: {name!r} must be points [N, 2], a label for each; found {found}")
-    picture = Print(figsize=(1.9 * len(clouds), 2.2), dpi=105, layout="constrained")
+    picture = Print(figsize=(inches * len(clouds), inches + 0.3), dpi=105, layout="constrained")
     panels = picture.subplots(1, len(clouds), squeeze=False)[0]
     for ax, (name, cloud) in zip(panels, clouds.items()):
         if shadow is not None:
@@ -106,6 +107,8 @@ def plot_quality(
     >>> [ax.get_xlabel() for ax in picture.axes]
     ['steps', 'seconds']
     """
+    from matplotlib.ticker import NullFormatter
+
     for name, points in runs.items():
         if not len(points) or not all(len(point) == 3 and min(point) > 0 for point in points):
             raise MotionKitError(
@@ -121,6 +124,7 @@ def plot_quality(
         if floor is not None:
             ax.axhline(floor, color=SOFT, lw=1.2, ls="--", label="real against real")
         ax.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=ylabel if column == 0 else "")
+        ax.xaxis.set_minor_formatter(NullFormatter())  # between powers of ten there is no room for numbers
         style_axes(ax)
     ticks = sorted({int(point[0]) for points in runs.values() for point in points})
     panels[0].set_xticks(ticks, [str(tick) for tick in ticks])
