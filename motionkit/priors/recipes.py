@@ -25,7 +25,7 @@ from .retrieval import AMONG, recalls
 from .sentences import nonsense, texts_of
 
 BATCH, RATE = 48, 7e-4
-STEPS = {"prior": 14000, "discriminator": 2000}
+STEPS = {"prior": 14000, "discriminator": 1000}
 DROP = 0.1  # share of the motions that come without their sentence, so that guidance can be used
 SHORTEST = 40  # frames of a window
 
