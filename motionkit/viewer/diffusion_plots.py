@@ -107,7 +107,7 @@ def plot_quality(
     >>> [ax.get_xlabel() for ax in picture.axes]
     ['steps', 'seconds']
     """
-    from matplotlib.ticker import NullFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     for name, points in runs.items():
         if not len(points) or not all(len(point) == 3 and min(point) > 0 for point in points):
@@ -124,12 +124,15 @@ def plot_quality(
         if floor is not None:
             ax.axhline(floor, color=SOFT, lw=1.2, ls="--", label="real against real")
         ax.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=ylabel if column == 0 else "")
-        ax.xaxis.set_minor_formatter(NullFormatter())  # between powers of ten there is no room for numbers
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter(NullFormatter())
         style_axes(ax)
     ticks = sorted({int(point[0]) for points in runs.values() for point in points})
     panels[0].set_xticks(ticks, [str(tick) for tick in ticks])
     panels[0].minorticks_off()
-    panels[0].legend(frameon=False, fontsize=8.5, labelcolor=INK, loc="upper right")
+    panels[0].legend(frameon=False, fontsize=8.5, labelcolor=INK, loc="best")
     return picture
 
 
