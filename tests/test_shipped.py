@@ -81,6 +81,15 @@ def test_joints_may_come_in_any_order_and_at_any_rate(prior):
         prior.encode(mk.load("data/actor/dog_trot_neutral.bvh"))
 
 
+def test_people_of_all_sizes_stand_on_the_ground(actor, prior):
+    """The layout's skeleton is one person's; what is decoded has the size that its positions tell."""
+    for clip in (actor.test[0], actor.test[50], actor.test[200]):
+        back = prior.decode(prior.encode(clip.motion))
+        assert float((back.positions() - clip.motion.at_origin().positions()).abs().max()) < 0.03
+    for motion in prior.generate(ACTOR, seconds=4):
+        assert -0.03 < float(motion.positions()[..., 1].amin(1).quantile(0.25)) < 0.08
+
+
 def test_far_prompts_are_told(prior):
     with pytest.warns(mk.MotionKitWarning, match="nearest"):
         prior.generate("a dog barks at the moon", seconds=1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
@@ -9,6 +11,7 @@ from ..datasets import Dataset, Encoded
 from ..features import FacingFree, Normalizer
 from ..motion import Motion
 from ..ordering import in_order
+from ..skeleton import Skeleton
 
 LEAST = 0.25  # of a part's spread: numbers that hardly move are not blown up to the size of others
 ROOT = 3.0  # how much larger the root's four numbers are made: all else follows from where the body goes
@@ -41,3 +44,14 @@ def encoded(motion: Motion, layout: FacingFree, normalizer: Normalizer) -> Tenso
     motion = in_order(motion, layout.skeleton)
     motion = motion if abs(motion.fps - layout.fps) < 1e-3 else motion.resample(layout.fps)
     return normalizer.normalize(layout.encode(motion).float())
+
+
+def of_size(layout: FacingFree, x: Tensor) -> Skeleton:
+    """The layout's skeleton, as large as the body whose joints' positions are among the features [F, D]."""
+    skeleton, places = layout.skeleton, layout.positions(x)
+    below = [j for j, parent in enumerate(skeleton.parents) if parent >= 0 and skeleton.offsets[j].norm() > 0]
+    above = [skeleton.parents[joint] for joint in below]
+    lengths = (places[:, below] - places[:, above]).norm(dim=-1).mean(0)
+    ratio = float(lengths.sum() / skeleton.offsets[below].norm(dim=-1).sum())
+    ends = tuple((joint, tuple(ratio * n for n in place)) for joint, place in skeleton.end_sites)
+    return replace(skeleton, offsets=skeleton.offsets * ratio, end_sites=ends)

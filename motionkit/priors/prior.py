@@ -18,7 +18,7 @@ from ..errors import MotionKitError
 from ..features import FacingFree, Normalizer
 from ..layers import Denoiser, TransformerConfig
 from ..motion import Motion
-from .features import encoded
+from .features import encoded, of_size
 
 SCALE = 2.5  # of guidance
 Sampler = Callable[..., Tensor]
@@ -72,8 +72,12 @@ class Prior:
         return encoded(motion, self.layout, self.normalizer)
 
     def decode(self, x: Tensor, name: str = "") -> Motion:
-        """Normalised features [F, D] to a motion, by their rotations; it starts at the origin, facing +Z."""
-        return self.layout.decode(self.normalizer.denormalize(x.detach().cpu().float())).replace(name=name)
+        """Normalised features [F, D] to a motion, by their rotations; it starts at the origin, facing +Z.
+
+        Bones are as long as the positions among the features say, all in one proportion: people of all sizes are made.
+        """
+        x = self.normalizer.denormalize(x.detach().cpu().float())
+        return FacingFree(of_size(self.layout, x), self.fps).decode(x).replace(name=name)
 
     def noise(self, prompts: Sequence[str], frames: int, seed: int = 0) -> Tensor:
         """What sampling starts from, [B, F, D]: standard normal, the same for a seed on every machine."""
