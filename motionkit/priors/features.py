@@ -49,7 +49,8 @@ def encoded(motion: Motion, layout: FacingFree, normalizer: Normalizer) -> Tenso
 def of_size(layout: FacingFree, x: Tensor) -> Skeleton:
     """The layout's skeleton, as large as the body whose joints' positions are among the features [F, D]."""
     skeleton, places = layout.skeleton, layout.positions(x)
-    below = [j for j, parent in enumerate(skeleton.parents) if parent >= 0 and skeleton.offsets[j].norm() > 0]
+    above_pelvis = skeleton.chain(skeleton.pelvis)  # helper joints, which may be anywhere
+    below = [j for j in range(len(skeleton)) if j not in above_pelvis and skeleton.offsets[j].norm() > 0]
     above = [skeleton.parents[joint] for joint in below]
     lengths = (places[:, below] - places[:, above]).norm(dim=-1).mean(0)
     ratio = float(lengths.sum() / skeleton.offsets[below].norm(dim=-1).sum())
