@@ -222,6 +222,15 @@ def test_schedules_out_of_range(wrong):
 LONG = Schedule(10**6, rate=0.05, average=0.9)
 
 
+@pytest.fixture
+def one_thread():
+    """Sums of several threads differ in the last digit from those of one, which the killed process has."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
 def train_until_killed(keep, begun, saves: int) -> None:
     """In a process of its own. saves: at the end of which it kills itself, before the file is in place; 0: never."""
     torch.set_num_threads(1)
@@ -246,7 +255,7 @@ def train_until_killed(keep, begun, saves: int) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL there")
-def test_a_run_that_is_killed_at_any_moment_goes_on_as_if_nothing_had_happened(tmp_path):
+def test_a_run_that_is_killed_at_any_moment_goes_on_as_if_nothing_had_happened(tmp_path, one_thread):
     keep, context, reached = tmp_path / "a.run", multiprocessing.get_context("forkserver"), [0]
     context.set_forkserver_preload(["motionkit.training"])
     for pause, saves in ((0.05, 0), (0, 4), (0.003, 0), (0, 1), (0.11, 0), (0, 2)):
