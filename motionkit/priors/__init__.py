@@ -30,7 +30,7 @@ def load(data: str = "actor", encoder: TextEncoder | None = None) -> Prior:
     those that there are, or if the files are damaged or do not fit.
 
     >>> load("actor")
-    Prior(1.6 million weights, text by 'mini', Skeleton(22 joints, root 'pelvis'))
+    Prior(1.9 million weights, text by 'mini', Skeleton(22 joints, root 'pelvis', height ... m))
     """
     return Prior.load(checkpoints.find(f"{data}-prior"), encoder)
 
