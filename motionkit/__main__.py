@@ -15,7 +15,7 @@ from .bvh import load, save
 from .errors import MotionKitError
 from .files import MotionKitWarning
 
-_TRAINED = ["judge", "content", "style", "autoencoder", "prior", "discriminator", "text"]
+_JUDGES, _PRIORS = ("content", "style", "autoencoder"), ("prior", "discriminator", "text")  # what `train` makes
 _UNIT_HELP = "metres in one unit of the file (0.01 for centimetres); guessed from the skeleton's size if left out"
 
 
@@ -73,7 +73,7 @@ def _add_imagine(commands: argparse._SubParsersAction) -> None:
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
     train = commands.add_parser("train", help="train on a dataset, and write weights with a card")
-    train.add_argument("what", choices=_TRAINED, help="judge: content, style and autoencoder")
+    train.add_argument("what", choices=["judge", *_JUDGES, *_PRIORS], help="judge: content, style and autoencoder")
     train.add_argument("--data", default="actor", help=f"one of: {', '.join(datasets.names())}")
     train.add_argument("--root", help="the folder or zip of the captures, where the dataset needs one")
     train.add_argument("--config", default="laptop", choices=["tiny", "laptop", "paper"], help="the network's size")
@@ -87,8 +87,8 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
 def _train(args: argparse.Namespace) -> None:
     from .training import in_main
 
-    data, judged = datasets.load(args.data, args.root), args.what in ("judge", "content", "style", "autoencoder")
-    for part in ("content", "style", "autoencoder") if args.what == "judge" else [args.what]:
+    data, judged = datasets.load(args.data, args.root), args.what not in _PRIORS
+    for part in _JUDGES if args.what == "judge" else [args.what]:
         command = f"python -m motionkit train {part} --data {args.data} --config {args.config} --seed {args.seed}"
         command += f" --steps {args.steps}" if args.steps else ""
         command += f" --rate {args.rate}" if args.rate else ""

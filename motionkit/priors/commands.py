@@ -15,8 +15,6 @@ from .recipes import RATE, STEPS, train_discriminator, train_prior
 from .text_recipe import STEPS as TEXT_STEPS
 from .text_recipe import train_text
 
-PARTS = ("prior", "discriminator", "text")
-
 
 def train_part(
     part: str,
@@ -29,12 +27,11 @@ def train_part(
     start: str | None = None,
     rate: float | None = None,
 ) -> Path:
-    """Train one of `PARTS` for a dataset and write it where `load` finds it; returns the path of the weights.
+    """Train a `prior`, `discriminator` or `text` and write it where `load` finds it; returns the weights' path.
 
     steps, rate: of the training; left out, the recipe's. encoder: of the sentences, see `text.load`. start: the name
-    of a prior to go on from, the one trained before for instance. The state of the run is
-    kept beside the weights, so a run that was broken off goes on. A discriminator needs the dataset's prior. Of several
-    processes the first writes.
+    of a prior to go on from, the one trained before for instance. The state of the run is kept beside the weights, so a
+    run that was broken off goes on. A discriminator needs the dataset's prior. Of several processes the first writes.
     """
     path = place_for(data.name, part) if part != "text" else checkpoints.folder() / "text-mini.safetensors"
     keep, split = path.with_suffix(".run"), data.split()
