@@ -15,7 +15,7 @@ from motionkit.diffusion import NoiseSchedule
 from motionkit.files import MotionKitWarning
 from motionkit.layers import TransformerConfig
 from motionkit.priors import Discriminator, Prior, recalls
-from motionkit.priors.features import LEAST, ROOT, fitted
+from motionkit.priors.features import LEAST, ROOT, OfBody, fitted
 from motionkit.priors.recipes import Sentences, known_sentences
 from motionkit.priors.sentences import meanings, nonsense, texts_of
 from motionkit.text.encoder import TextEncoder, content_key
@@ -123,6 +123,27 @@ def test_the_normalizer_has_floors_and_weighs_the_root(clips):
     speed = plain[1:3].clamp(min=float(LEAST * plain[1:3].square().mean().sqrt()))
     assert torch.allclose(found.std[1:3].double(), speed / ROOT, rtol=1e-3)
     assert found.std[0].item() == pytest.approx(plain[0].item() / ROOT, rel=1e-3)
+
+
+def on_the_ground(motion: mk.Motion) -> mk.Motion:
+    """The same body under a helper joint that drifts away from it, as in some captures."""
+    own = motion.skeleton
+    parents = (-1, *(parent + 1 for parent in own.parents))
+    skeleton = mk.Skeleton(("ground", *own.names), parents, torch.cat((torch.zeros(1, 3), own.offsets)))
+    still = torch.tensor([1.0, 0, 0, 0]).expand(len(motion), 1, 4)
+    drift = torch.arange(float(len(motion)))[:, None, None] * torch.tensor([0.05, 0.0, 0.02])
+    places = torch.cat((drift, motion.translations), 1)
+    places[:, 1] -= drift[:, 0]
+    return motion.replace(skeleton=skeleton, rotations=torch.cat((still, motion.rotations), 1), translations=places)
+
+
+def test_helper_joints_above_the_pelvis_are_not_seen(clips, prior, judge):
+    walk = clips[0].motion
+    helped = on_the_ground(walk)
+    assert torch.allclose(helped.positions()[:, 1:], walk.positions(), atol=1e-5)
+    assert torch.allclose(OfBody().encode(helped), OfBody().encode(walk), atol=1e-5)
+    assert torch.allclose(prior.encode(helped), prior.encode(walk), atol=1e-2)
+    assert torch.allclose(judge.embed([helped]), judge.embed([walk]), atol=1e-3)
 
 
 def some(count: int, size: int, seed: int = 0) -> torch.Tensor:

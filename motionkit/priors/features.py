@@ -17,13 +17,27 @@ LEAST = 0.25  # of a part's spread: numbers that hardly move are not blown up to
 ROOT = 3.0  # how much larger the root's four numbers are made: all else follows from where the body goes
 
 
+class OfBody(FacingFree):
+    """Facing-free features of the body alone: helper joints above the pelvis, whose place means little, are left out.
+
+    >>> import motionkit as mk
+    >>> OfBody().encode(mk.load("data/actor/walk_neutral.bvh")).shape
+    torch.Size([120, 199])
+    """
+
+    def encode(self, motion: Motion) -> Tensor:
+        """A motion of F frames, its joints in any order, to features [F, D]; MotionKitError as in `FacingFree`."""
+        body = motion.body()
+        return super().encode(body if self._skeleton is None else in_order(body, self._skeleton))
+
+
 def fitted(data: Dataset) -> tuple[Encoded, Normalizer]:
-    """A dataset's clips in facing-free features, and the normalizer for them.
+    """A dataset's clips in facing-free features of the body, and the normalizer for them.
 
     Spreads are those of the numbers, but at least a quarter of the root mean square of their part (root velocity,
     height, positions, rotations); the root's four numbers weigh three times as much, since the loss counts numbers.
     """
-    layout = FacingFree()
+    layout = OfBody()
     encoded = Encoded(data, layout)
     rows = [torch.from_numpy(encoded.rows(n, 0, int(data.store.frames[n]))) for n in data.numbers]
     found = Normalizer.fit(rows, "FacingFree")
@@ -41,7 +55,7 @@ def encoded(motion: Motion, layout: FacingFree, normalizer: Normalizer) -> Tenso
 
     Raises MotionKitError for another skeleton.
     """
-    motion = in_order(motion, layout.skeleton)
+    motion = in_order(motion.body(), layout.skeleton)
     motion = motion if abs(motion.fps - layout.fps) < 1e-3 else motion.resample(layout.fps)
     return normalizer.normalize(layout.encode(motion).float())
 

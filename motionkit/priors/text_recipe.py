@@ -10,11 +10,11 @@ from torch import Tensor, nn
 
 from ..cards import card_of
 from ..datasets import Dataset, Encoded, Split
-from ..features import FacingFree, Normalizer
+from ..features import Normalizer
 from ..layers import SemanticEncoder, TransformerConfig
 from ..text.mini import Mini, MiniConfig, MiniNetwork
 from ..training import Schedule, fit
-from .features import fitted
+from .features import OfBody, fitted
 from .sentences import Meaning, meanings, nonsense
 
 BATCH, OTHERS, NONSENSE, FRAMES, TEMPERATURE = 48, 32, 8, 96, 0.1
@@ -115,7 +115,7 @@ def _classes(data: Dataset) -> list[tuple[str, str]]:
 def _metrics(towers: TwoTowers, split: Split, normalizer: Normalizer) -> dict[str, float]:
     from .retrieval import recalls
 
-    layout = FacingFree()
+    layout = OfBody()
     motion = torch.stack([normalizer.normalize(layout.encode(clip.motion)[:FRAMES]) for clip in split.test])
     groups = _classes(split.test)
     a = towers.text([clip.texts[0] for clip in split.test])
