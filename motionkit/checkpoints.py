@@ -130,6 +130,20 @@ def load_into(model: torch.nn.Module, tensors: Mapping[str, Tensor], where: str 
     model.load_state_dict(tensors)
 
 
+def config_of(path: str | os.PathLike, card: Mapping, sizes: type):
+    """A network's sizes as its card says them; MotionKitError where they are not those that this version knows.
+
+    sizes: a dataclass, such as `layers.TransformerConfig`.
+    """
+    try:
+        return sizes(**card["config"])
+    except (KeyError, TypeError):
+        raise MotionKitError(
+            f"{path}: its card gives the sizes {card.get('config')}; this version's {sizes.__name__} has "
+            f"{', '.join(sizes.__dataclass_fields__)}: get both files again, or another version of motionkit"
+        ) from None
+
+
 def same_encoder(path: str | os.PathLike, card: Mapping, encoder):
     """The text encoder, if it is the one that these weights learned with; MotionKitError otherwise."""
     if encoder.key != card["text_key"]:

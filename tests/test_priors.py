@@ -233,6 +233,7 @@ def test_files_that_do_not_fit_are_refused(saved, judge, tmp_path):
         ({"format": 99}, "newer motionkit"),
         ({"config": {**card["config"], "width": 64}}, "trained with another configuration"),
         ({"config": {**card["config"], "layers": 2}}, "encoder.layers.1.* is missing"),
+        ({"config": {**card["config"], "gates": 2}}, "this version's TransformerConfig has width, layers"),
         ({"sha256": "0"}, "damaged"),
     ):
         saved.with_suffix(".json").write_text(json.dumps({**card, **change}))

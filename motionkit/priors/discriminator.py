@@ -83,6 +83,7 @@ class Discriminator:
         encoder = checkpoints.same_encoder(path, card, encoder or text.load(card["text_encoder"]))
         layout = FacingFree(checkpoints.skeleton_of(card["skeleton"]), card["fps"])
         normalizer = Normalizer(tensors.pop("mean"), tensors.pop("std"), card["features"], card["features_hash"])
-        network = SemanticEncoder(layout.size, card["text_size"], TransformerConfig(**card["config"])).eval()
+        config = checkpoints.config_of(path, card, TransformerConfig)
+        network = SemanticEncoder(layout.size, card["text_size"], config).eval()
         checkpoints.load_into(network, {name: value.float() for name, value in tensors.items()}, path)
         return cls(network, layout, normalizer, encoder, card)

@@ -164,7 +164,8 @@ class Prior:
         layout = FacingFree(checkpoints.skeleton_of(card["skeleton"]), card["fps"])
         normalizer = Normalizer(tensors.pop("mean"), tensors.pop("std"), card["features"], card["features_hash"])
         schedule = NoiseSchedule(tensors.pop("alphas_bar"))
-        network = Denoiser(layout.size, card["text_size"], TransformerConfig(**card["config"]), schedule.steps).eval()
+        config = checkpoints.config_of(path, card, TransformerConfig)
+        network = Denoiser(layout.size, card["text_size"], config, schedule.steps).eval()
         checkpoints.load_into(network, {name: value.float() for name, value in tensors.items()}, path)
         return cls(
             network, layout, normalizer, schedule, encoder, tuple(card["known"]), card["least"], card["guided"], card

@@ -116,7 +116,7 @@ class Mini(TextEncoder):
     def load(cls, path) -> Mini:
         """From what `save` wrote; MotionKitError if the files are damaged or hold something else."""
         tensors, card = checkpoints.load(path, "text")
-        network = MiniNetwork(MiniConfig(**card["config"]))
+        network = MiniNetwork(checkpoints.config_of(path, card, MiniConfig))
         checkpoints.load_into(network, tensors, path)
         return cls(network, card)
 
