@@ -67,7 +67,7 @@ def _add_imagine(commands: argparse._SubParsersAction) -> None:
     imagine.add_argument("--prior", default="actor", help="the dataset whose prior makes it")
     imagine.add_argument("--seconds", type=float, default=4.0)
     imagine.add_argument("--seed", type=int, default=0, help="another number, another motion")
-    imagine.add_argument("--scale", type=float, default=2.5, help="of guidance: more follows the sentence closer")
+    imagine.add_argument("--scale", type=float, help="of guidance: more follows the sentence closer")
     imagine.add_argument("-o", "--output", required=True, help="the BVH file to write")
 
 
@@ -162,7 +162,8 @@ def _imagine(args: argparse.Namespace) -> None:
     from . import priors
 
     output = _fresh(args.output, ".bvh", [])
-    made = priors.load(args.prior).generate(args.sentence, args.seconds, scale=args.scale, seed=args.seed)
+    scale = priors.SCALE if args.scale is None else args.scale
+    made = priors.load(args.prior).generate(args.sentence, args.seconds, scale=scale, seed=args.seed)
     print(save(made[0], output))
 
 

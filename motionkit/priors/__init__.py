@@ -5,12 +5,13 @@ from __future__ import annotations
 from .. import checkpoints
 from ..text import TextEncoder
 from .discriminator import Discriminator
-from .prior import Prior
+from .prior import SCALE, Prior
 from .recipes import retrieval, train_discriminator, train_prior
 from .retrieval import recalls
 from .text_recipe import train_text
 
 __all__ = [
+    "SCALE",
     "Discriminator",
     "Prior",
     "load",

@@ -20,7 +20,7 @@ from ..layers import Denoiser, TransformerConfig
 from ..motion import Motion
 from .features import encoded, of_size
 
-SCALE = 2.5  # of guidance
+SCALE = 1.5  # of guidance
 Sampler = Callable[..., Tensor]
 
 

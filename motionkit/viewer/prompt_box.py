@@ -12,6 +12,7 @@ import ipywidgets
 from ..errors import MotionKitError
 from ..files import MotionKitWarning
 from ..motion import Motion
+from ..priors import SCALE
 from ..text import similarity
 from .player import Player
 from .plots import INK, SOFT, Print, few_colours, strip
@@ -31,8 +32,8 @@ class PromptBox(ipywidgets.HBox):
 
     prior: a `priors.Prior`, or anything with its `generate`, `longest`, `fps`, `guided`, `encoder`, `known` and
     `known_embeddings`. seconds: of the motion, at most what the prior learned from; 4, or that, if left out. scale: of
-    guidance; 2.5 if left out, where it can be guided. steps: of the sampler. seed: of the noise. Raises MotionKitError
-    if the first sentence, or a number, will not do. Source: paper 1, section 3.3, with a box around it.
+    guidance; `priors.SCALE` if left out, where it can be guided. steps: of the sampler. seed: of the noise. Raises
+    MotionKitError if the first sentence, or a number, will not do. Source: paper 1, section 3.3, with a box around it.
 
     controls: "prompt", "seconds", "scale" and "seed", name to widget; set their values and the box follows. `motion` is
     what is shown, `message` what stands under the controls.
@@ -59,7 +60,7 @@ class PromptBox(ipywidgets.HBox):
     ) -> None:
         _check_prior(prior)
         self._prior, self._steps, self.message, self._kind = prior, steps, "", "said"
-        scale = (2.5 if prior.guided else 1.0) if scale is None else scale
+        scale = (SCALE if prior.guided else 1.0) if scale is None else scale
         seconds = min(4.0, prior.longest / prior.fps) if seconds is None else seconds
         self._near = _nearest(prior, prompt)
         self.motion, told = _answer(prior, prompt, seconds=seconds, scale=scale, steps=steps, seed=seed)
