@@ -6,6 +6,7 @@ Those who have a network that predicts noise wrap it in `diffusion.from_noise`; 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import torch
@@ -20,21 +21,30 @@ Inpaint = Callable[[Tensor], Tensor]
 Callback = Callable[[int, Tensor, Tensor], object]
 
 
-def timesteps(schedule: NoiseSchedule, steps: int | None = None, start: int | None = None) -> list[int]:
+def timesteps(
+    schedule: NoiseSchedule, steps: int | None = None, start: int | None = None, spacing: float = 1.0
+) -> list[int]:
     """The steps that a sampler stops at on its way to 0, noisiest first.
 
     steps: how many there would be from T on; left out, all. start: where it begins; T if left out. Paper 1 (section
-    4): with S = 20 of T = 1000, a start at K = 300 leaves 6. Raises MotionKitError for numbers out of range.
+    4): with S = 20 of T = 1000, a start at K = 300 leaves 6. spacing: the power that even steps are raised to; above 1
+    they crowd towards 0, which suits a `louder` schedule. Raises MotionKitError for numbers out of range.
 
     >>> timesteps(NoiseSchedule.cosine(1000), steps=20, start=300)
     [300, 250, 200, 150, 100, 50]
+    >>> timesteps(NoiseSchedule.cosine(1000), steps=5, spacing=2.0)
+    [1000, 640, 360, 160, 40]
     """
     most = schedule.steps
     steps, start = most if steps is None else steps, most if start is None else start
     if not 1 <= steps <= most or not 1 <= start <= most:
         raise MotionKitError(f"steps and start must be from 1 to {most}; found steps={steps}, start={start}")
-    found = [round(start - n * most / steps) for n in range(steps)]
-    return [t for t in found if t > 0]
+    if not (math.isfinite(spacing) and spacing > 0):
+        raise MotionKitError(f"spacing must be a number above 0, 1 for even steps; found {spacing}")
+    first = start if spacing == 1 else most * (start / most) ** (1 / spacing)
+    even = [max(first - n * most / steps, 0.0) for n in range(steps)]
+    found = [round(t if spacing == 1 else most * (t / most) ** spacing) for t in even]
+    return [t for t, before in zip(found, [most + 1, *found]) if 0 < t < before]
 
 
 def ddpm(
@@ -46,17 +56,18 @@ def ddpm(
     inpaint: Inpaint | None = None,
     callback: Callback | None = None,
     generator: torch.Generator | None = None,
+    spacing: float = 1.0,
 ) -> Tensor:
     """Ancestral sampling (Ho et al. 2020, algorithm 2): some noise goes at every step, and a little fresh noise comes.
 
-    x: [B, ...] at step `start`, standard normal if that is T. steps, start: see `timesteps`. inpaint: changes every
-    prediction of x0, see `inpainting`. callback: called after each step with the step reached, x there, and the x0 that
-    led to it. generator: of the fresh noise. Returns x at step 0.
+    x: [B, ...] at step `start`, standard normal if that is T. steps, start, spacing: see `timesteps`. inpaint: changes
+    every prediction of x0, see `inpainting`. callback: called after each step with the step reached, x there, and the
+    x0 that led to it. generator: of the fresh noise. Returns x at step 0.
 
     >>> ddpm(lambda x, t: torch.full_like(x, 3.0), torch.randn(1, 2), NoiseSchedule.cosine(), steps=5)
     tensor([[3., 3.]])
     """
-    stops = timesteps(schedule, steps, start)
+    stops = timesteps(schedule, steps, start, spacing)
     for t, s in zip(stops, [*stops[1:], 0]):
         x0 = _predicted(predict, x, t, inpaint)
         x, variance = posterior(x, x0, t, s, schedule)
@@ -77,6 +88,7 @@ def ddim(
     callback: Callback | None = None,
     generator: torch.Generator | None = None,
     eta: float = 0.0,
+    spacing: float = 1.0,
 ) -> Tensor:
     """DDIM (Song, Meng, Ermon 2021, eq. 12): without fresh noise, so the same x gives the same answer, in few steps.
 
@@ -89,7 +101,7 @@ def ddim(
     """
     if not 0 <= eta <= 1:
         raise MotionKitError(f"eta must be from 0 (no fresh noise) to 1 (as much as ddpm); found {eta}")
-    stops = timesteps(schedule, steps, start)
+    stops = timesteps(schedule, steps, start, spacing)
     for t, s in zip(stops, [*stops[1:], 0]):
         x0 = _predicted(predict, x, t, inpaint)
         fresh = eta * posterior(x, x0, t, s, schedule)[1] ** 0.5
@@ -109,6 +121,7 @@ def ddim_invert(
     steps: int | None = 50,
     stop: int | None = None,
     callback: Callback | None = None,
+    spacing: float = 1.0,
 ) -> Tensor:
     """DDIM backwards: the noise at step `stop` from which `ddim` makes this clean x [B, ...] again, nearly.
 
@@ -120,7 +133,7 @@ def ddim_invert(
     >>> bool(torch.allclose(ddim(predict, x, schedule, 20, start=300), torch.full((1, 2), 3.0)))
     True
     """
-    stops = timesteps(schedule, steps, stop)[::-1]
+    stops = timesteps(schedule, steps, stop, spacing)[::-1]
     for s, t in zip([0, *stops[:-1]], stops):
         x0 = _predicted(predict, x, t, None)
         noise = noise_from_x0(x, x0, t, schedule)
@@ -139,6 +152,7 @@ def dpm_solver(
     start: int | None = None,
     inpaint: Inpaint | None = None,
     callback: Callback | None = None,
+    spacing: float = 1.0,
 ) -> Tensor:
     """DPM-Solver++ (2M) of Lu et al. 2022, algorithm 2: it uses the step before too; ten steps do the work of fifty.
 
@@ -147,7 +161,7 @@ def dpm_solver(
     >>> dpm_solver(lambda x, t: torch.full_like(x, 3.0), torch.randn(1, 2), NoiseSchedule.cosine(), steps=5)
     tensor([[3., 3.]])
     """
-    stops, before, length_before = timesteps(schedule, steps, start), None, 0.0
+    stops, before, length_before = timesteps(schedule, steps, start, spacing), None, 0.0
     for t, s in zip(stops, [*stops[1:], 0]):
         x0 = _predicted(predict, x, t, inpaint)
         bar_t, bar_s = (float(schedule.alphas_bar[n]) for n in (t, s))

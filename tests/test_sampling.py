@@ -254,3 +254,30 @@ def test_steps_out_of_range(steps, start):
 def test_eta_out_of_range(eta):
     with pytest.raises(mk.MotionKitError, match=f"eta must be from 0 .* found {eta}"):
         ddim(bent(SCHEDULES["linear"]), normal(1, 4), SCHEDULES["linear"], 5, eta=eta)
+
+
+@pytest.mark.parametrize("spacing", [0.5, 1.5, 2.0, 3.0])
+@pytest.mark.parametrize("steps, start", [(20, 1000), (20, 300), (1000, 1000), (7, 1)])
+def test_spaced_steps_fall_from_the_start_and_follow_the_power(steps, start, spacing):
+    stops = timesteps(NoiseSchedule.cosine(), steps, start, spacing)
+    assert stops[0] == start and all(t > s > 0 for t, s in zip(stops, stops[1:]))
+    even = [(t / 1000) ** (1 / spacing) for t in stops]  # evenly apart again, but for the rounding of t
+    for t, a, b in zip(stops, even, even[1:]):
+        off = ((t / 1000) ** (1 / spacing) - ((t - 1) / 1000) ** (1 / spacing)) * 2 + 1e-9
+        assert a - b >= 1 / steps - off
+
+
+@pytest.mark.parametrize("sampler", [ddpm, ddim, dpm_solver])
+def test_samplers_stop_where_spacing_says(sampler):
+    schedule, seen = NoiseSchedule.cosine(), []
+    sampler(lambda x, t: x * 0, normal(1, 2), schedule, 5, spacing=2.0, callback=lambda s, x, x0: seen.append(s))
+    assert seen == [640, 360, 160, 40, 0]
+    back = []
+    ddim_invert(lambda x, t: x * 0, normal(1, 2), schedule, 5, spacing=2.0, callback=lambda t, x, x0: back.append(t))
+    assert back == [40, 160, 360, 640, 1000]
+
+
+@pytest.mark.parametrize("spacing", [0, -1, float("nan"), float("inf")])
+def test_no_spacing(spacing):
+    with pytest.raises(mk.MotionKitError, match="spacing must be a number above 0"):
+        timesteps(NoiseSchedule.cosine(), 5, spacing=spacing)

@@ -21,6 +21,7 @@ from ..motion import Motion
 from .features import encoded, of_size
 
 SCALE = 1.5  # of guidance
+SPACING = 1.5  # of a sampler's steps, see `sampling.timesteps`
 Sampler = Callable[..., Tensor]
 
 
@@ -116,7 +117,7 @@ class Prior:
         """A motion for each sentence (paper 1, section 3.3).
 
         seconds: of all, or one for each sentence; at most what it learned from. scale: of guidance; 1 is none. sampler,
-        steps: from `sampling`. more: what the sampler takes beside, such as `inpaint` and `callback`. Raises
+        steps: from `sampling`. more: what the sampler takes beside, such as `inpaint`, `callback` and `spacing`. Raises
         MotionKitError for a time that is too long or too short, and as `predict`.
         """
         prompts = [prompts] if isinstance(prompts, str) else list(prompts)
@@ -126,6 +127,7 @@ class Prior:
         predict = self.predict(prompts, scale, mask)
         with torch.random.fork_rng(devices=[]):  # what a sampler draws beside, as ddpm does, follows the seed too
             torch.manual_seed(seed)
+            more = {"spacing": SPACING, **more}
             x = sampler(predict, self.noise(prompts, max(frames), seed), self.schedule, steps, **more)
         return [self.decode(one[:count], prompt) for one, prompt, count in zip(x, prompts, frames)]
 
