@@ -84,8 +84,8 @@ class _Work:
         test, transfers = self.split.test, self.transfers
         bench = Bench(self.judge, test, Truths.of(test, self.base))
         key, train = judge_key(bench), _sample(self.split.train, len(test), self.seed)
-        clips = measure_clips(bench, test, self.place, f"test-{key}", self.jobs)
-        learned = measure_clips(bench, train, self.place, f"train-{key}", self.jobs)
+        clips = measure_clips(bench, test, self.clips_place, f"test-{key}", self.jobs)
+        learned = measure_clips(bench, train, self.clips_place, f"train-{self.seed}-{key}", self.jobs)
         setting = self._setting(clips)
         rows, views = [], {}
         right = {"content": setting.content_ids, "style": setting.style_ids}
@@ -114,6 +114,14 @@ class _Work:
         text = f"{kept.FORMAT} {dataset_key(self.split.train, self.split.test)} {self.protocol!r} {self.seed}"
         key = hashlib.sha256(text.encode()).hexdigest()[:12]
         name = f"{_plain(self.split.test.name)}-{_plain(self.protocol.name)}-{self.seed}-{key}"
+        return make_folder(self.base / name, "give another one: run(..., folder=...)")
+
+    @cached_property
+    def clips_place(self) -> Path:
+        """The folder of what the judge sees in the clips themselves, whatever the protocol."""
+        text = f"{kept.FORMAT} {dataset_key(self.split.train, self.split.test)}"
+        key = hashlib.sha256(text.encode()).hexdigest()[:12]
+        name = f"{_plain(self.split.test.name)}-clips-{key}"
         return make_folder(self.base / name, "give another one: run(..., folder=...)")
 
     def _play(self, entrant: Entrant, bench: Bench, key: str, resume: bool) -> tuple[Path, Measured]:
