@@ -111,17 +111,16 @@ class _Work:
     @cached_property
     def place(self) -> Path:
         """The folder of these clips, this protocol and seed."""
-        text = f"{kept.FORMAT} {dataset_key(self.split.train, self.split.test)} {self.protocol!r} {self.seed}"
-        key = hashlib.sha256(text.encode()).hexdigest()[:12]
-        name = f"{_plain(self.split.test.name)}-{_plain(self.protocol.name)}-{self.seed}-{key}"
-        return make_folder(self.base / name, "give another one: run(..., folder=...)")
+        return self._folder(f"{_plain(self.protocol.name)}-{self.seed}", f" {self.protocol!r} {self.seed}")
 
     @cached_property
     def clips_place(self) -> Path:
         """The folder of what the judge sees in the clips themselves, whatever the protocol."""
-        text = f"{kept.FORMAT} {dataset_key(self.split.train, self.split.test)}"
-        key = hashlib.sha256(text.encode()).hexdigest()[:12]
-        name = f"{_plain(self.split.test.name)}-clips-{key}"
+        return self._folder("clips")
+
+    def _folder(self, what: str, more: str = "") -> Path:
+        text = f"{kept.FORMAT} {dataset_key(self.split.train, self.split.test)}{more}"
+        name = f"{_plain(self.split.test.name)}-{what}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
         return make_folder(self.base / name, "give another one: run(..., folder=...)")
 
     def _play(self, entrant: Entrant, bench: Bench, key: str, resume: bool) -> tuple[Path, Measured]:
