@@ -334,3 +334,16 @@ def test_results_come_back_as_they_were(tmp_path):
         assert torch.equal(back.rotations, motion.rotations) and torch.equal(back.translations, motion.translations)
         assert facts["seconds"] == 0.1 and back.name == motion.name
     assert (tmp_path / "0").stat().st_size < 0.7 * walk.rotations.numel() * 7  # translations of the root alone
+
+
+def test_the_clips_themselves_are_looked_at_once_for_all_protocols(clips, tmp_path):
+    def looks() -> dict:
+        found = sorted(path for path in tmp_path.rglob("clips-*") if path.is_file())
+        return {path.name.split("-")[1]: (path, path.stat().st_mtime_ns) for path in found}
+
+    one = arena(clips, tmp_path, "copy-content", FEW)
+    before = looks()
+    assert sorted(before) == ["test", "train"]
+    two = arena(clips, tmp_path, "copy-content", Protocol("other", most=3))
+    assert looks() == before
+    assert one["real"].cell("sra") == two["real"].cell("sra")

@@ -26,7 +26,7 @@ class Letters(text.TextEncoder):
 @pytest.fixture(scope="module")
 def prior():
     torch.manual_seed(0)
-    layout = features.FacingFree(skeleton.smpl(), 30)
+    layout = priors.features.OfBody(skeleton.smpl(), 30)
     network = layers.Denoiser(layout.size, 26, layers.TransformerConfig.tiny()).eval()
     normalizer = features.Normalizer(torch.zeros(layout.size), torch.ones(layout.size), "FacingFree", "none")
     return priors.Prior(network, layout, normalizer, diffusion.NoiseSchedule.cosine(), Letters(), KNOWN, 0.8)

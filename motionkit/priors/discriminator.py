@@ -12,10 +12,10 @@ from torch import Tensor
 
 from .. import checkpoints, text
 from ..errors import MotionKitError
-from ..features import FacingFree, Normalizer
+from ..features import Normalizer
 from ..layers import SemanticEncoder, TransformerConfig
 from ..motion import Motion
-from .features import encoded
+from .features import OfBody, encoded
 
 
 @dataclass(eq=False)
@@ -34,7 +34,7 @@ class Discriminator:
     """
 
     network: SemanticEncoder
-    layout: FacingFree
+    layout: OfBody
     normalizer: Normalizer
     encoder: text.TextEncoder
     card: dict = field(default_factory=dict, repr=False)
@@ -81,7 +81,7 @@ class Discriminator:
         """From what `save` wrote; raises MotionKitError as `Prior.load` does."""
         tensors, card = checkpoints.load(path, "discriminator")
         encoder = checkpoints.same_encoder(path, card, encoder or text.load(card["text_encoder"]))
-        layout = FacingFree(checkpoints.skeleton_of(card["skeleton"]), card["fps"])
+        layout = OfBody(checkpoints.skeleton_of(card["skeleton"]), card["fps"])
         normalizer = Normalizer(tensors.pop("mean"), tensors.pop("std"), card["features"], card["features_hash"])
         config = checkpoints.config_of(path, card, TransformerConfig)
         network = SemanticEncoder(layout.size, card["text_size"], config).eval()

@@ -50,12 +50,11 @@ def fitted(data: Dataset) -> tuple[Encoded, Normalizer]:
     return encoded, Normalizer(found.mean, std.clamp(min=1e-5), found.layout, found.data_hash)
 
 
-def encoded(motion: Motion, layout: FacingFree, normalizer: Normalizer) -> Tensor:
+def encoded(motion: Motion, layout: OfBody, normalizer: Normalizer) -> Tensor:
     """A motion of F frames, its joints in any order and at any frame rate, to normalised features [F, D].
 
     Raises MotionKitError for another skeleton.
     """
-    motion = in_order(motion.body(), layout.skeleton)
     motion = motion if abs(motion.fps - layout.fps) < 1e-3 else motion.resample(layout.fps)
     return normalizer.normalize(layout.encode(motion).float())
 

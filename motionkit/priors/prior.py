@@ -18,10 +18,9 @@ from ..errors import MotionKitError
 from ..features import FacingFree, Normalizer
 from ..layers import Denoiser, TransformerConfig
 from ..motion import Motion
-from .features import encoded, of_size
+from .features import OfBody, encoded, of_size
 
-SCALE = 1.5  # of guidance
-SPACING = 1.5  # of a sampler's steps, see `sampling.timesteps`
+SCALE = 2.0  # of guidance
 Sampler = Callable[..., Tensor]
 
 
@@ -40,7 +39,7 @@ class Prior:
     """
 
     network: Denoiser
-    layout: FacingFree
+    layout: OfBody
     normalizer: Normalizer
     schedule: NoiseSchedule
     encoder: text.TextEncoder
@@ -127,7 +126,6 @@ class Prior:
         predict = self.predict(prompts, scale, mask)
         with torch.random.fork_rng(devices=[]):  # what a sampler draws beside, as ddpm does, follows the seed too
             torch.manual_seed(seed)
-            more = {"spacing": SPACING, **more}
             x = sampler(predict, self.noise(prompts, max(frames), seed), self.schedule, steps, **more)
         return [self.decode(one[:count], prompt) for one, prompt, count in zip(x, prompts, frames)]
 
@@ -163,7 +161,7 @@ class Prior:
         """
         tensors, card = checkpoints.load(path, "prior")
         encoder = checkpoints.same_encoder(path, card, encoder or text.load(card["text_encoder"]))
-        layout = FacingFree(checkpoints.skeleton_of(card["skeleton"]), card["fps"])
+        layout = OfBody(checkpoints.skeleton_of(card["skeleton"]), card["fps"])
         normalizer = Normalizer(tensors.pop("mean"), tensors.pop("std"), card["features"], card["features_hash"])
         schedule = NoiseSchedule(tensors.pop("alphas_bar"))
         config = checkpoints.config_of(path, card, TransformerConfig)

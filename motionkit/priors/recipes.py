@@ -14,12 +14,12 @@ from ..checkpoints import load_into
 from ..datasets import Clip, Dataset, Encoded, Split
 from ..diffusion import NoiseSchedule, simple_loss
 from ..errors import MotionKitError
-from ..features import FacingFree, Normalizer
+from ..features import Normalizer
 from ..layers import Denoiser, SemanticEncoder, TransformerConfig, semantic_loss
 from ..text import TextEncoder, similarity
 from ..training import Schedule, device_of, fit, seed_batch
 from .discriminator import Discriminator
-from .features import OfBody, fitted
+from .features import fitted
 from .prior import Prior
 from .retrieval import AMONG, recalls
 from .sentences import nonsense, texts_of
@@ -91,8 +91,7 @@ def train_prior(
     card = {**card_of(split.train, schedule, run, network), "batch": batch, "drop": drop}
     card["last_loss"] = round(sum(run.losses[-200:]) / len(run.losses[-200:]), 4)
     card |= {} if start is None else {"started_from": {k: start.card.get(k) for k in ("command", "steps", "seconds")}}
-    layout = FacingFree(encoded.layout.skeleton, encoded.layout.fps)
-    return Prior(network, layout, normalizer, noise, encoder, known, least, drop > 0, card)
+    return Prior(network, encoded.layout, normalizer, noise, encoder, known, least, drop > 0, card)
 
 
 def _prior_loss(
@@ -145,7 +144,7 @@ def train_discriminator(
     """
     split = data.split() if isinstance(data, Dataset) else data
     schedule = schedule or Schedule(STEPS["discriminator"], rate=RATE, decay=1e-2, average=0.999)
-    encoded = Encoded(split.train, OfBody(prior.layout.skeleton, prior.layout.fps))
+    encoded = Encoded(split.train, prior.layout)
     sentences = Sentences.of(split.train, prior.encoder)
     torch.manual_seed(schedule.seed)
     config, embedding = prior.network.config, prior.network.embedding
