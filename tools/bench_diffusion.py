@@ -85,8 +85,8 @@ def samplers(split, prior, judge) -> list[dict]:
 
 
 def scales(split, prior, judge) -> list[dict]:
-    """What guidance does: accuracy and FMD over its scale."""
-    rows = []
+    """What guidance does: accuracy and FMD over its scale; on the validation part, by which `SCALE` was chosen."""
+    rows, split = [], split._replace(test=split.validation)
     for scale in (1.0, 1.5, 2.0, 2.5, 5.0):
         found = quality(prior, split, judge, f"guidance {scale:g}", scale=scale)
         rows.append({"scale": scale, **{name: found[name] for name in ("content", "style", "fmd", "fmd_ae")}})

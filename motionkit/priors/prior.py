@@ -20,7 +20,7 @@ from ..layers import Denoiser, TransformerConfig
 from ..motion import Motion
 from .features import OfBody, encoded, of_size
 
-SCALE = 2.0  # of guidance
+SCALE = 2.0  # of guidance: the least with nine styles of ten named right on `actor`'s validation part
 Sampler = Callable[..., Tensor]
 
 
