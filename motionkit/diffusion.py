@@ -69,6 +69,18 @@ class NoiseSchedule:
         bar = self.alphas_bar.double()
         return NoiseSchedule(bar / (bar + (1 - bar) * times**2))
 
+    def step_like(self, step: int, other: NoiseSchedule) -> int:
+        """The step, of 1 to T, whose noise is as loud beside the signal as that of a step of another schedule, nearly.
+
+        Papers give steps of their own schedule; those of a `louder` one have other numbers.
+
+        >>> plain = NoiseSchedule.cosine()
+        >>> [plain.louder(6).step_like(step, plain) for step in (50, 300, 950)]
+        [5, 48, 719]
+        """
+        wanted = other.at(other.log_snr, step, torch.zeros(1, dtype=torch.float64), least=1)
+        return 1 + int((self.log_snr[1:] - wanted).abs().argmin())
+
     @property
     def steps(self) -> int:
         """T."""

@@ -7,7 +7,7 @@ Those who have a network that predicts noise wrap it in `diffusion.from_noise`; 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
@@ -19,23 +19,29 @@ from .features import Layout
 Predict = Callable[[Tensor, Tensor], Tensor]
 Inpaint = Callable[[Tensor], Tensor]
 Callback = Callable[[int, Tensor, Tensor], object]
+Steps = int | Sequence[int] | None
 
 
 def timesteps(
-    schedule: NoiseSchedule, steps: int | None = None, start: int | None = None, spacing: float = 1.0
+    schedule: NoiseSchedule, steps: Steps = None, start: int | None = None, spacing: float = 1.0
 ) -> list[int]:
     """The steps that a sampler stops at on its way to 0, noisiest first.
 
-    steps: how many there would be from T on; left out, all. start: where it begins; T if left out. Paper 1 (section
-    4): with S = 20 of T = 1000, a start at K = 300 leaves 6. spacing: the power that even steps are raised to; above 1
-    they crowd towards 0, which suits a `louder` schedule. Raises MotionKitError for numbers out of range.
+    steps: how many there would be from T on; left out, all; or the very steps. start: where it begins; T if left out.
+    Paper 1 (section 4): with S = 20 of T = 1000, a start at K = 300 leaves 6. spacing: the power that even steps are
+    raised to; above 1 they crowd towards 0, which suits a `louder` schedule. Raises MotionKitError for numbers out of
+    range, and for very steps that do not fall.
 
     >>> timesteps(NoiseSchedule.cosine(1000), steps=20, start=300)
     [300, 250, 200, 150, 100, 50]
     >>> timesteps(NoiseSchedule.cosine(1000), steps=5, spacing=2.0)
     [1000, 640, 360, 160, 40]
+    >>> timesteps(NoiseSchedule.cosine(1000), steps=[48, 20, 5])
+    [48, 20, 5]
     """
     most = schedule.steps
+    if isinstance(steps, Sequence):
+        return _very_steps(steps, most, start, spacing)
     steps, start = most if steps is None else steps, most if start is None else start
     if not 1 <= steps <= most or not 1 <= start <= most:
         raise MotionKitError(f"steps and start must be from 1 to {most}; found steps={steps}, start={start}")
@@ -47,11 +53,21 @@ def timesteps(
     return [t for t, before in zip(found, [most + 1, *found]) if 0 < t < before]
 
 
+def _very_steps(steps: Sequence[int], most: int, start: int | None, spacing: float) -> list[int]:
+    if start is not None or spacing != 1:
+        raise MotionKitError("the very steps say where sampling starts and how they lie; leave start and spacing out")
+    if not steps or not all(isinstance(t, int) and after < t for t, after in zip(steps, [*steps[1:], 0])):
+        raise MotionKitError(f"the very steps are whole numbers from {most} down to 1, each once; found {list(steps)}")
+    if steps[0] > most:
+        raise MotionKitError(f"the schedule has {most} steps; found step {steps[0]}")
+    return list(steps)
+
+
 def ddpm(
     predict: Predict,
     x: Tensor,
     schedule: NoiseSchedule,
-    steps: int | None = None,
+    steps: Steps = None,
     start: int | None = None,
     inpaint: Inpaint | None = None,
     callback: Callback | None = None,
@@ -82,7 +98,7 @@ def ddim(
     predict: Predict,
     x: Tensor,
     schedule: NoiseSchedule,
-    steps: int | None = 50,
+    steps: Steps = 50,
     start: int | None = None,
     inpaint: Inpaint | None = None,
     callback: Callback | None = None,
@@ -118,7 +134,7 @@ def ddim_invert(
     predict: Predict,
     x: Tensor,
     schedule: NoiseSchedule,
-    steps: int | None = 50,
+    steps: Steps = 50,
     stop: int | None = None,
     callback: Callback | None = None,
     spacing: float = 1.0,
@@ -148,7 +164,7 @@ def dpm_solver(
     predict: Predict,
     x: Tensor,
     schedule: NoiseSchedule,
-    steps: int = 10,
+    steps: Steps = 10,
     start: int | None = None,
     inpaint: Inpaint | None = None,
     callback: Callback | None = None,
@@ -220,6 +236,39 @@ def guided(
         return guidance(*model(torch.cat((x, x)), torch.cat((t, t)), both, **twice).chunk(2), scale)
 
     return predict
+
+
+def windowed(predict: Predict, most: int, overlap: int) -> Predict:
+    """A network that was taught motions of `most` frames, for longer ones: it sees windows, which fade into each other.
+
+    What it predicts for windows that share at least `overlap` frames is laid together at every step of a sampler, so
+    that they agree more and more and no seam is left. Shorter motions pass as they are. Raises MotionKitError where the
+    overlap does not fit into a window.
+
+    >>> predict = windowed(lambda x, t: x[:, :1].expand_as(x), most=4, overlap=2)
+    >>> predict(torch.arange(6.0)[None, :, None], torch.tensor([5])).flatten()
+    tensor([0.0000, 0.0000, 0.2929, 1.7071, 2.0000, 2.0000])
+    """
+    if not 0 < overlap < most:
+        raise MotionKitError(f"windows of {most} frames overlap by 1 to {most - 1}; found {overlap}")
+
+    def whole(x: Tensor, t: Tensor) -> Tensor:
+        frames = x.shape[1]
+        if frames <= most:
+            return predict(x, t)
+        count = -(-(frames - overlap) // (most - overlap))
+        starts = torch.linspace(0, frames - most, count).round().long().tolist()
+        total, weights = torch.zeros_like(x), x.new_zeros(frames, 1)
+        for start in starts:
+            ahead = torch.arange(most, device=x.device) + 0.5  # frames from either end of the window
+            fade_in = (ahead / overlap).clamp(max=1) if start else torch.ones_like(ahead)
+            fade_out = (ahead.flip(0) / overlap).clamp(max=1) if start < frames - most else torch.ones_like(ahead)
+            weight = torch.sin(torch.minimum(fade_in, fade_out) * (math.pi / 2))[:, None] ** 2
+            total[:, start : start + most] += weight * predict(x[:, start : start + most], t)
+            weights[start : start + most] += weight
+        return total / weights
+
+    return whole
 
 
 def inpainting(known: Tensor, where: Tensor) -> Inpaint:

@@ -2,7 +2,7 @@
 
 >>> import motionkit as mk
 >>> mk.methods.names()
-['copy-content', 'copy-style', 'knn-dtw', 'linear', 'statistics']
+['copy-content', 'copy-style', 'few-shot', 'knn-dtw', 'linear', 'statistics']
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from ..errors import MotionKitError
 _METHODS = {
     "copy-content": ("copying", "CopyContent"),
     "copy-style": ("copying", "CopyStyle"),
+    "few-shot": ("few_shot", "FewShot"),
     "knn-dtw": ("neighbours", "KnnDtw"),
     "linear": ("linear", "Linear"),
     "statistics": ("statistics", "Statistics"),

@@ -63,6 +63,12 @@ class Prior:
         return self.network.config.frames
 
     @cached_property
+    def key(self) -> str:
+        """The same for the same weights, and for no others: what was learned beside them goes by it."""
+        state = {name: value.half() for name, value in self.network.state_dict().items()}  # as `save` writes them
+        return text.content_key(state, self.encoder.key)
+
+    @cached_property
     def known_embeddings(self) -> Tensor:
         """Of the sentences in `known`, [N, E]."""
         return self.encoder.encode(self.known)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 
 from ..errors import MotionKitError
-from .words import NEUTRAL, STYLES, a, form, said
+from .words import NEUTRAL, STYLES, Words, a, form, said
 
 _ASK_NEUTRAL = (
     "Rewrite the sentence so that it tells what is done and nothing of mood, age, character or manner of it; say "
@@ -60,6 +60,43 @@ def to_style(caption: str, style: str, ask: Callable[[str], str] | None = None) 
     if ask is not None:
         return _answer(ask, _ASK_STYLE.format(style=said(style), how=how, caption=caption), caption)
     return _once(to_neutral(re.sub(rf"{re.escape(how)}(?!\w)", "neutrally", caption)), how)
+
+
+def style_in(prompt: str) -> str:
+    """The style that a sentence speaks of: a label of `text.words.STYLES`, or for others what "in a ... style" says.
+
+    It is what `to_style` takes. Raises MotionKitError for a sentence that speaks of none.
+
+    >>> style_in("an elderly man walks"), style_in("a person kicks in a very odd style")
+    ('old', 'very odd')
+    >>> style_in("a person walks")
+    Traceback (most recent call last):
+    ...
+    motionkit.errors.MotionKitError: 'a person walks' says nothing of a style; ... such as 'a person walks in old age'
+    """
+    plain = to_neutral(prompt)
+    if plain == prompt or _PLAIN.search(prompt):
+        raise MotionKitError(
+            f"{prompt!r} says nothing of a style; say how it is done, such as {to_style(plain, 'old')!r}"
+        )
+    described = _DESCRIBED.match(prompt)
+    if described:
+        return prompt[described.end(1) :].strip(" :.")
+    phrases = [(len(phrase), name, phrase) for name, words in _STYLED.items() for phrase in _phrases(name, words)]
+    said_here = [found for found in phrases if _says(prompt, found[2])]
+    styles = [found for found in said_here if not _says(plain, found[2])]  # "a person is waving": a deed, no style
+    if not styles and (so := _SO.search(prompt)):
+        return so[1]
+    return max(styles or said_here)[1]
+
+
+def _says(sentence: str, phrase: str) -> bool:
+    return re.search(rf"\b{re.escape(phrase)}\b", sentence, re.IGNORECASE) is not None
+
+
+def _phrases(name: str, words: Words) -> tuple[str, ...]:
+    walks = [form(verb, ending) for verb in words.walks for ending in ("s", "ing", "ed")]
+    return (*words.how, *words.captured[:1], *words.who, said(name), *walks)
 
 
 def _check_caption(caption: object) -> None:
@@ -122,6 +159,7 @@ _HOW = re.compile(
     rf"|like an? {_MANY}(?:person|man|woman|one))\b",
     re.IGNORECASE,
 )
+_SO = re.compile(r"\bin an? ((?:(?!(?:in|an?|the|and|then)\b)[\w-]+ )*?[\w-]+) (?:style|way|manner|mood)\b", re.IGNORECASE)
 # Adjectives of the subject, which is where a sentence begins.
 _WHO = re.compile(rf"^(an?|the) {_MANY}(\w+)", re.IGNORECASE)
 # Labels count before these only: "a big steps person", but a cat is a cat.

@@ -1,0 +1,165 @@
+"""Stage II of paper 1: one clip teaches a style (section 3.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from .. import text
+from ..datasets import Clip
+from ..errors import MotionKitError
+from ..layers import semantic_loss
+from ..priors import Discriminator, Prior
+from ..training import Run, Schedule, fit
+from .adapters import Adapter
+from .chain import CHANGE, NOISE, STEPS, Chain, reconstruction_loss, total_loss
+
+PAIRS = ("prior", "knn-dtw")
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a style is learned.
+
+    noise: G, for the neutral pair; change: K; chain: S (paper 1, section 4). weights: lambda_sr and lambda_s; with 0
+    for the second there is no semantic loss (table 3). steps, batch, rate: of fine-tuning. rank: of the adapter; 0
+    changes all weights. pair: where the neutral motion of the pair comes from (tables 2 and 3). frames: of the windows
+    that the semantic loss sees. `paper()` is as published, `laptop()` learns in a minute or two on two cores. Raises
+    MotionKitError for values out of range.
+    """
+
+    noise: int = NOISE
+    change: int = CHANGE
+    chain: int = STEPS
+    weights: tuple[float, float] = (1.0, 0.1)
+    steps: int = 80
+    batch: int = 8
+    rate: float = 1e-3
+    rank: int = 8
+    pair: str = "prior"
+    frames: int = 120
+
+    def __post_init__(self) -> None:
+        if self.pair not in PAIRS:
+            raise MotionKitError(f"a recipe's pair comes from {' or '.join(map(repr, PAIRS))}; found {self.pair!r}")
+        for name, least in (("noise", 1), ("change", 1), ("chain", 1), ("steps", 1), ("batch", 1), ("rank", 0)):
+            value = getattr(self, name)
+            if not isinstance(value, int) or isinstance(value, bool) or value < least:
+                raise MotionKitError(f"a recipe's {name} is a whole number from {least}; found {value!r}")
+        if len(self.weights) != 2 or not all(weight >= 0 for weight in self.weights) or not self.rate > 0:
+            raise MotionKitError(f"a recipe has two weights from 0 up and a rate above 0; found {self}")
+
+    @classmethod
+    def paper(cls, contents: int = 23384) -> Recipe:
+        """Paper 1, section 4: all weights, batch 64, rate 0.0001, one epoch of `contents` (HumanML3D's training part)."""
+        return cls(steps=-(-contents // 64), batch=64, rate=1e-4, rank=0, frames=196)
+
+    @classmethod
+    def laptop(cls) -> Recipe:
+        """The same parts in a minute or two on two cores."""
+        return cls()
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """Neutral motions with sentences, M^c and D^c of paper 1: what a style is to be carried to while it is learned.
+
+    clean, noised: features [N, F, D] and their m_K by the chain. captions: N sentences.
+    """
+
+    clean: Tensor
+    noised: Tensor
+    captions: tuple[str, ...]
+
+    @classmethod
+    def of(cls, prior: Prior, clips: Sequence[Clip], chain: Chain, frames: int = 120, seed: int = 0) -> Contents:
+        """A window of each clip; MotionKitError where no clip is as long, or one has no caption."""
+        long = [clip for clip in clips if len(clip) >= frames]
+        if not long:
+            raise MotionKitError(f"no neutral clip has {frames} frames; give longer ones, or a recipe with fewer frames")
+        mute = next((clip.name for clip in long if not clip.text), None)
+        if mute is not None:
+            raise MotionKitError(f"clip {mute!r} has no caption, which the semantic loss needs; give it texts")
+        chance, windows = torch.Generator().manual_seed(seed), []
+        for clip in long:
+            start = int(torch.randint(len(clip) - frames + 1, (), generator=chance))
+            windows.append(prior.encode(clip.motion[start : start + frames]))
+        clean, captions = torch.stack(windows), tuple(text.to_neutral(clip.text) for clip in long)
+        with torch.no_grad():
+            noised = [
+                chain.forward(prior.predict(captions[n : n + 32], 1.0), clean[n : n + 32])
+                for n in range(0, len(clean), 32)
+            ]
+        return cls(clean, torch.cat(noised), captions)
+
+
+@dataclass(frozen=True, eq=False)
+class Lesson:
+    """What is there to learn from: a style example beside its neutral pair, and contents for the semantic loss.
+
+    styled, neutral: features [F, D]. prompt: d^s. style: its words, see `text.style_in`. contents: None where the
+    semantic loss is left out.
+    """
+
+    prior: Prior
+    discriminator: Discriminator
+    chain: Chain
+    styled: Tensor
+    neutral: Tensor
+    prompt: str
+    style: str
+    contents: Contents | None = None
+
+    @cached_property
+    def own_text(self) -> Tensor:
+        """E_text(d^s), [1, E]."""
+        return self.prior.encoder.encode([self.prompt])
+
+    @cached_property
+    def own_noised(self) -> Tensor:
+        """The neutral pair's m_K, [1, F, D]."""
+        with torch.no_grad():
+            predict = self.prior.predict([text.to_neutral(self.prompt)], 1.0)
+            return self.chain.forward(predict, self.neutral[None])
+
+    @cached_property
+    def content_texts(self) -> Tensor:
+        """E_text of the contents' sentences told in the style, D^(c,s), [N, E]."""
+        return self.prior.encoder.encode([text.to_style(caption, self.style) for caption in self.contents.captions])
+
+    def example_loss(self, network: Callable[..., Tensor]) -> Tensor:
+        """L_sr of a network (x, t, text) that is being taught (paper 1, eqs. 9 and 10)."""
+        seen = self.chain.reverse(lambda x, t: network(x, t, self.own_text), self.own_noised)
+        return reconstruction_loss(seen, self.styled)
+
+    def meaning_loss(self, network: Callable[..., Tensor], batch: int) -> Tensor:
+        """L_s: contents restyled by the network, as the frozen discriminator sees them (paper 1, eq. 11).
+
+        batch: how many contents are drawn, by torch's random numbers.
+        """
+        chosen = torch.randint(len(self.contents.noised), (batch,))
+        words = self.content_texts[chosen]
+        restyled = self.chain.reverse(lambda x, t: network(x, t, words), self.contents.noised[chosen])[-1]
+        return semantic_loss(self.discriminator.network(restyled), words)
+
+
+def teach(lesson: Lesson, recipe: Recipe, seed: int = 0, **running) -> tuple[Adapter, Run]:
+    """Fine-tune the lesson's prior on it (paper 1, section 3.4, eq. 12); the prior itself stays as it is.
+
+    running: as in `training.fit`, such as `keep` for a file to go on from, `show` and `title`.
+    """
+    adapter = Adapter(lesson.prior.network.eval(), recipe.rank, seed)
+    lesson.discriminator.network.eval().requires_grad_(False)
+    schedule = Schedule(recipe.steps, recipe.rate, decay=0.0, seed=seed)
+
+    def loss_of(network: torch.nn.Module, step: int) -> Tensor:
+        example = lesson.example_loss(network)
+        guided = recipe.weights[1] > 0 and lesson.contents is not None
+        meaning = lesson.meaning_loss(network, recipe.batch) if guided else example.new_zeros(())
+        return total_loss(example, meaning, recipe.weights)
+
+    return adapter, fit(adapter, loss_of, schedule, **running)
