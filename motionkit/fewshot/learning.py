@@ -27,20 +27,21 @@ class Recipe:
 
     noise: G, for the neutral pair; change: K; chain: S (paper 1, section 4). weights: lambda_sr and lambda_s; with 0
     for the second there is no semantic loss (table 3). steps, batch, rate: of fine-tuning. rank: of the adapter; 0
-    changes all weights. pair: where the neutral motion of the pair comes from (tables 2 and 3). frames: of the windows
-    that the semantic loss sees. `paper()` is as published, `laptop()` learns in a minute or two on two cores. Raises
-    MotionKitError for values out of range.
+    changes all weights. pair: where the neutral motion of the pair comes from (tables 2 and 3); pair_steps: of DDPM,
+    where the prior makes it; None for every one. frames: of the windows that the semantic loss sees. `paper()` is as
+    published, `laptop()` learns in a minute on two cores. Raises MotionKitError for values out of range.
     """
 
     noise: int = NOISE
     change: int = CHANGE
     chain: int = STEPS
     weights: tuple[float, float] = (1.0, 0.1)
-    steps: int = 80
+    steps: int = 60
     batch: int = 8
-    rate: float = 1e-3
+    rate: float = 3e-4
     rank: int = 8
     pair: str = "prior"
+    pair_steps: int | None = 100
     frames: int = 120
 
     def __post_init__(self) -> None:
@@ -55,12 +56,12 @@ class Recipe:
 
     @classmethod
     def paper(cls, contents: int = 23384) -> Recipe:
-        """Paper 1, section 4: all weights, batch 64, rate 0.0001, one epoch of `contents` (HumanML3D's training part)."""
-        return cls(steps=-(-contents // 64), batch=64, rate=1e-4, rank=0, frames=196)
+        """Paper 1, section 4: all weights, batch 64, rate 0.0001, one epoch; contents: how many, here HumanML3D's."""
+        return cls(steps=-(-contents // 64), batch=64, rate=1e-4, rank=0, pair_steps=None, frames=196)
 
     @classmethod
     def laptop(cls) -> Recipe:
-        """The same parts in a minute or two on two cores."""
+        """The same parts in a minute on two cores."""
         return cls()
 
 
@@ -80,7 +81,7 @@ class Contents:
         """A window of each clip; MotionKitError where no clip is as long, or one has no caption."""
         long = [clip for clip in clips if len(clip) >= frames]
         if not long:
-            raise MotionKitError(f"no neutral clip has {frames} frames; give longer ones, or a recipe with fewer frames")
+            raise MotionKitError(f"no neutral clip has {frames} frames; give longer ones, or fewer frames")
         mute = next((clip.name for clip in long if not clip.text), None)
         if mute is not None:
             raise MotionKitError(f"clip {mute!r} has no caption, which the semantic loss needs; give it texts")

@@ -1,4 +1,4 @@
-"""The neutral motion that goes with a style example, frame by frame: made by the prior itself (paper 1, section 3.4)."""
+"""The neutral motion that goes with a style example, frame by frame: the prior makes it (paper 1, section 3.4)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def neutral_pair(
     prompt: str,
     *,
     noise: int = NOISE,
-    steps: sampling.Steps = None,
+    steps: int | None = None,
     scale: float = GUIDANCE,
     seed: int = 0,
     **more,
@@ -38,5 +38,5 @@ def neutral_pair(
     chance = torch.Generator().manual_seed(seed)
     noised = add_noise(x, start, prior.schedule, torch.randn(x.shape, generator=chance))
     keep = sampling.inpainting(x[0], sampling.named(prior.layout, *KEPT))
-    predict = prior.predict([text.to_neutral(prompt)], scale)
+    predict = sampling.windowed(prior.predict([text.to_neutral(prompt)], scale), prior.longest, round(prior.fps))
     return sampling.ddpm(predict, noised, prior.schedule, steps, start, keep, generator=chance, **more)[0]

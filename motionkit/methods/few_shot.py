@@ -30,6 +30,7 @@ from ..restyling import (
 
 _LEAST = 1.0  # seconds of a style clip
 _OVERLAP = 1.0  # seconds that windows of longer motions share
+_BEYOND = 8  # frames added at either end while it is restyled: where a token sees nothing on one side, poses jump
 _MOST = 144  # contents for the semantic loss
 
 
@@ -73,7 +74,7 @@ class FewShot:
     def fit(self, train: Dataset | None) -> FewShot:
         """Take neutral contents from this dataset from now on; its clips are read when a style is first learned."""
         self.pairs, self._contents = NeutralPairs(train), Memory(1)
-        self._learned, self._last = Memory(16), None
+        self._learned, self._pairs, self._last = Memory(16), Memory(), None
         return self
 
     def learn(self, style: Motion, prompt: str, *, content: str | None = None, **running) -> LearnedStyle:
@@ -120,7 +121,7 @@ class FewShot:
         """The neutral motion paired with a clip, features [F, D], as the recipe says: eqs. 7 and 8, or KNN + DTW."""
         if self.recipe.pair == "knn-dtw":
             return self.prior.encode(self.pairs.neutral_of(style, content))
-        return neutral_pair(self.prior, style, prompt, noise=self.recipe.noise, seed=self.seed)
+        return self._neutral(style, prompt)
 
     def load_style(self, path: str | os.PathLike) -> LearnedStyle:
         """A style that was saved; `stylize` uses it from now on. MotionKitError where it does not fit the prior."""
@@ -156,23 +157,26 @@ class FewShot:
         caption = text.to_neutral(self.caption_of(seen) if caption is None else caption)
         x = self.prior.encode(seen)
         if content_style is not None and content_style not in NEUTRAL:
-            x = self._neutralised(x, seen, caption)
-        y = self.translated(x, caption, {one: strength * weight for one, weight in styles.items()})
-        body = in_step(self._decoded(y, x, seen, given), given)
+            x = self._neutral(seen, caption)
+        y, same = self.translated(x, caption, {one: strength * weight for one, weight in styles.items()})
+        body = in_step(self._decoded(y, x, seen, given), self._decoded(same, x, seen, given))
         if lock:
             body = on_the_ground(body, given)
         return content.with_body(body).replace(name=named(content, what))
 
     @torch.no_grad()
-    def translated(self, x: Tensor, caption: str, styles: Mapping[LearnedStyle, float]) -> Tensor:
+    def translated(self, x: Tensor, caption: str, styles: Mapping[LearnedStyle, float]) -> tuple[Tensor, Tensor]:
         """Neutral features [F, D] to styled ones: K steps of noise forwards and back (paper 1, section 3.5).
 
         The way forwards is the prior's own, with the content's caption; the way back that of the styles, see `blended`.
+        The second answer is what the prior itself makes on the way back: the content, as nearly as it can.
         """
         chain = next(iter(styles)).chain
         plain = self._windows(self.prior.predict([caption], 1.0))
-        noised = chain.forward(plain, x[None])
-        return chain.reverse(self._windows(blended(styles, caption, plain)), noised)[-1, 0]
+        longer = torch.cat((x[:1].expand(_BEYOND, -1), x, x[-1:].expand(_BEYOND, -1)))
+        noised = chain.forward(plain, longer[None])
+        there = self._windows(blended(styles, caption, plain))
+        return tuple(chain.reverse(way, noised)[-1, 0, _BEYOND:-_BEYOND] for way in (there, plain))
 
     def caption_of(self, content: Motion) -> str:
         """The neutral sentence that goes best with a motion, of those that the prior knows (paper 1, eq. 6)."""
@@ -184,7 +188,7 @@ class FewShot:
         """`stylize` for labelled clips with captions, as the arena asks: the style is learned when it first comes."""
         if style.style in NEUTRAL:
             seen = self._seen(body_of(content.motion))
-            x = self._neutralised(self.prior.encode(seen), seen, content.text)
+            x = self._neutral(seen, content.text)
             body = in_step(self._decoded(x, x, seen, body_of(content.motion)), body_of(content.motion))
             return content.motion.with_body(on_the_ground(body, body_of(content.motion)))
         learned = self._learned.get(
@@ -200,8 +204,8 @@ class FewShot:
         if not styles or not all(isinstance(one, LearnedStyle) for one in styles):
             hint = ": method.learn(clip, 'an old person walks')" if isinstance(style, Motion | str) else ""
             raise MotionKitError(f"few-shot takes styles that it has learned{hint}; found {style!r}")
-        if any(one.prior is not self.prior for one in styles):
-            raise MotionKitError("few-shot: this style was learned by a method with another prior; learn it with this one")
+        if any(one.prior.key != self.prior.key for one in styles):
+            raise MotionKitError("few-shot: this style was learned with another prior; learn it with this one")
         return styles
 
     def _seen(self, motion: Motion) -> Motion:
@@ -229,9 +233,10 @@ class FewShot:
 
         return self._contents.get("contents", work_out)
 
-    def _neutralised(self, x: Tensor, content: Motion, caption: str) -> Tensor:
-        """The prior's neutral motion for a content in another style (paper 1, section 3.5)."""
-        return neutral_pair(self.prior, content, caption, noise=self.recipe.noise, seed=self.seed)
+    def _neutral(self, motion: Motion, caption: str) -> Tensor:
+        """The prior's neutral motion for one in some style, features [F, D] (paper 1, eqs. 7 and 8)."""
+        how = {"noise": self.recipe.noise, "steps": self.recipe.pair_steps, "seed": self.seed}
+        return self._pairs.get((key_of(motion), caption), lambda: neutral_pair(self.prior, motion, caption, **how))
 
     def _decoded(self, y: Tensor, x: Tensor, seen: Motion, given: Motion) -> Motion:
         """Features to a motion on the content's body, on the content's own path, in its frames."""

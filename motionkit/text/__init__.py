@@ -10,7 +10,17 @@ from ..errors import MotionKitError
 from .encoder import Remembered, TextEncoder, check_prompt, content_key, similarity
 from .rewriting import style_in, to_neutral, to_style
 
-__all__ = ["Remembered", "TextEncoder", "check_prompt", "content_key", "load", "similarity", "style_in", "to_neutral", "to_style"]
+__all__ = [
+    "Remembered",
+    "TextEncoder",
+    "check_prompt",
+    "content_key",
+    "load",
+    "similarity",
+    "style_in",
+    "to_neutral",
+    "to_style",
+]
 
 _FORMS = "'mini', 'sentence-transformers:NAME_OR_FOLDER', 'clip:NAME_OR_FOLDER' or 'open-clip:ARCH@WEIGHTS'"
 

@@ -159,7 +159,9 @@ _HOW = re.compile(
     rf"|like an? {_MANY}(?:person|man|woman|one))\b",
     re.IGNORECASE,
 )
-_SO = re.compile(r"\bin an? ((?:(?!(?:in|an?|the|and|then)\b)[\w-]+ )*?[\w-]+) (?:style|way|manner|mood)\b", re.IGNORECASE)
+_SO = re.compile(
+    r"\bin an? ((?:(?!(?:in|an?|the|and|then)\b)[\w-]+ )*?[\w-]+) (?:style|way|manner|mood)\b", re.IGNORECASE
+)
 # Adjectives of the subject, which is where a sentence begins.
 _WHO = re.compile(rf"^(an?|the) {_MANY}(\w+)", re.IGNORECASE)
 # Labels count before these only: "a big steps person", but a cat is a cat.
