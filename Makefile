@@ -11,7 +11,7 @@ IN := $(VENV)/bin/python
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-diffusion bench-io fuzz pins clean
+.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-diffusion bench-few-shot bench-io fuzz pins clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -47,6 +47,9 @@ bench-arena: $(READY) ## measure the arena, and the methods to beat, into result
 
 bench-diffusion: $(READY) ## measure samplers, priors and discriminators into results/diffusion.json
 	$(IN) tools/bench_diffusion.py
+
+bench-few-shot: $(READY) ## measure few-shot style transfer (paper 1) into results/few-shot.json
+	$(IN) tools/bench_few_shot.py
 
 bench-io: $(READY) ## measure reading and kinematics into results/io.json
 	$(IN) tools/bench_io.py

@@ -1,5 +1,5 @@
 """The command line: `python -m motionkit info FILE`, `play FILE`, `stylize IN --style STYLE -o OUT`, `perform WHAT`,
-`imagine SENTENCE`, `train WHAT --data NAME`."""
+`imagine SENTENCE`, `learn STYLE --prompt SENTENCE -o FILE`, `train WHAT --data NAME`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _parser() -> argparse.ArgumentParser:
 
     stylize = commands.add_parser("stylize", help="give a motion the style of another one, and write BVH")
     stylize.add_argument("input", help="the motion to restyle, a BVH file")
-    stylize.add_argument("--style", required=True, help="the motion whose style it gets, a BVH file")
+    stylize.add_argument("--style", required=True, help="whose style it gets: a BVH file, or a learned style")
     stylize.add_argument(
         "--strength", type=float, default=1.0, help="0 keeps the input, 1 is the style, 2 a caricature"
     )
@@ -46,6 +46,7 @@ def _parser() -> argparse.ArgumentParser:
     stylize.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)
     _add_perform(commands)
     _add_imagine(commands)
+    _add_learn(commands)
     _add_train(commands)
     return parser
 
@@ -69,6 +70,18 @@ def _add_imagine(commands: argparse._SubParsersAction) -> None:
     imagine.add_argument("--seed", type=int, default=0, help="another number, another motion")
     imagine.add_argument("--scale", type=float, help="of guidance: more follows the sentence closer")
     imagine.add_argument("-o", "--output", required=True, help="the BVH file to write")
+
+
+def _add_learn(commands: argparse._SubParsersAction) -> None:
+    learn = commands.add_parser("learn", help="teach a prior the style of one clip (few-shot), and write a small file")
+    learn.add_argument("style", help="a clip in the style, a BVH file of a second or more")
+    learn.add_argument("--prompt", required=True, help='what is done and how, such as "an old person walks"')
+    learn.add_argument("--prior", default="actor", help="the dataset whose prior learns it")
+    learn.add_argument("--root", help="the folder or zip of the captures, where the dataset needs one")
+    learn.add_argument("--steps", type=int, help="of fine-tuning; left out, the recipe's")
+    learn.add_argument("--seed", type=int, default=0)
+    learn.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)
+    learn.add_argument("-o", "--output", required=True, help="the .safetensors file to write, for stylize --style")
 
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
@@ -138,8 +151,14 @@ def _play(args: argparse.Namespace) -> None:
 
 def _stylize(args: argparse.Namespace) -> None:
     output = _fresh(args.output, ".bvh", [args.input, args.style])
-    method = methods.load(args.method)
-    content, style = load(args.input, args.metres_per_unit), load(args.style, args.metres_per_unit)
+    content = load(args.input, args.metres_per_unit)
+    if Path(args.style).suffix == ".safetensors":
+        from .fewshot import prior_of
+
+        method = methods.load("few-shot", prior=prior_of(args.style))
+        style = method.load_style(args.style)
+    else:
+        method, style = methods.load(args.method), load(args.style, args.metres_per_unit)
     options = {} if args.strength == 1 else {"strength": args.strength}
     if options and "strength" not in inspect.signature(method.stylize).parameters:
         raise MotionKitError(f"method {args.method!r} has no strength; leave --strength out")
@@ -167,6 +186,17 @@ def _imagine(args: argparse.Namespace) -> None:
     print(save(made[0], output))
 
 
+def _learn(args: argparse.Namespace) -> None:
+    from .fewshot import Recipe
+
+    output = _fresh(args.output, ".safetensors", [args.style])
+    library = datasets.load(args.prior, args.root).split().train
+    recipe = Recipe(steps=args.steps) if args.steps else Recipe.laptop()
+    method = methods.load("few-shot", prior=args.prior, library=library, recipe=recipe, seed=args.seed)
+    learned = method.learn(load(args.style, args.metres_per_unit), args.prompt, keep=output.with_suffix(".run"))
+    print(learned.save(output))
+
+
 def _fresh(output: str | Path, suffix: str, inputs: list[str]) -> Path:
     """The file to write; refuses one that is read here, and names that would tell other programs something wrong."""
     path = Path(output)
@@ -183,6 +213,7 @@ _COMMANDS = {
     "stylize": _stylize,
     "perform": _perform,
     "imagine": _imagine,
+    "learn": _learn,
     "train": _train,
 }
 

@@ -2,7 +2,7 @@
 
 make bench-arena        (needs the Bandai-2 archive: MOTIONKIT_DATA, or ../shared/datasets)
 
-The tables are those of `mk.arena.run(mk.methods.names(), "actor", "paper-1")` and the same on bandai-2; a run that is
+The tables are those of `mk.arena.run(mk.methods.BASELINES, "actor", "paper-1")` and the same on bandai-2; a run that is
 stopped goes on where it was.
 """
 
@@ -58,7 +58,7 @@ import sys, time, motionkit as mk
 if __name__ == "__main__":
     mk.datasets.load("actor")
     start = time.perf_counter()
-    table = mk.arena.run(mk.methods.names(), "actor", "small", folder=sys.argv[1])
+    table = mk.arena.run(mk.methods.BASELINES, "actor", "small", folder=sys.argv[1])
     print(time.perf_counter() - start, len(table.rows) - 1, sum(len(row.failed) for row in table.rows))
 """
 
@@ -95,7 +95,7 @@ def main() -> int:
         figures = measuring(Path(folder, "measuring")) | small(Path(folder, "small"))
     count = len(PROTOCOLS["paper-1"].transfers(captured.test))
     figures["bandai_transfers"] = figure(count, 3780, "transfers", "paper 1, section 5.2, names this number")
-    tables = [mk.arena.run(mk.methods.names(), data, "paper-1") for data in ("actor", captured)]
+    tables = [mk.arena.run(mk.methods.BASELINES, data, "paper-1") for data in ("actor", captured)]
     for table in tables:
         print(table, end="\n\n")
     kept = {table.provenance["dataset"]: table.records() for table in tables}

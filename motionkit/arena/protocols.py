@@ -38,6 +38,7 @@ class Protocol:
     may be the same. samples: clips drawn of each content x style, 0 for all. most: a draw of so many pairs (among 600
     clips, drawn first, if there are more), 0 for all. repeats: how often all is drawn again; with more than one,
     figures are means and standard deviations over repeats, and as long as there are clips, each repeat has others.
+    examples: of each style so many of the drawn clips lend it, for methods that learn each anew; 0 for all.
     columns: the figures that the table shows (`ALL` at the most). about: what a paper says, what it leaves open, what
     was chosen. Draws depend on the seed and on the clips' names alone. Raises MotionKitError for values that are none
     of these.
@@ -51,6 +52,7 @@ class Protocol:
     samples: int = 1
     most: int = 0
     repeats: int = 1
+    examples: int = 0
     columns: tuple[str, ...] = ALL
     about: str = field(default="", repr=False, compare=False)
 
@@ -59,7 +61,7 @@ class Protocol:
             raise MotionKitError(
                 f"protocol {self.name!r}: pairs are {', '.join(map(repr, _PAIRS))}; found {self.pairs!r}"
             )
-        for what, least in (("samples", 0), ("most", 0), ("repeats", 1)):
+        for what, least in (("samples", 0), ("most", 0), ("repeats", 1), ("examples", 0)):
             value = getattr(self, what)
             if not isinstance(value, int) or value < least:
                 raise MotionKitError(f"protocol {self.name!r}: {what} is a whole number from {least}; found {value!r}")
@@ -85,7 +87,8 @@ class Protocol:
             drawn = _samples(clips, self.samples, repeat, seed)
             if self.most and len(drawn) > _CLIPS:
                 drawn = sorted(_mixed({n: f"{seed} {repeat} {clips[n].name}" for n in drawn})[:_CLIPS])
-            pairs = [(c, s) for s in drawn for c in drawn if c != s and self._takes(clips[c], clips[s])]
+            lent = _examples(clips, drawn, self.examples, repeat, seed)
+            pairs = [(c, s) for s in lent for c in drawn if c != s and self._takes(clips[c], clips[s])]
             if self.most:
                 names = {pair: f"{seed} {repeat} {clips[pair[0]].name} {clips[pair[1]].name}" for pair in pairs}
                 pairs = sorted(_mixed(names)[: self.most], key=lambda pair: pair[::-1])
@@ -108,6 +111,16 @@ class Protocol:
 def _mixed(names: dict) -> list:
     """The keys in an order that depends on nothing but what they are called."""
     return sorted(names, key=lambda key: hashlib.sha256(names[key].encode()).digest())
+
+
+def _examples(clips: list[Clip], drawn: list[int], count: int, repeat: int, seed: int) -> list[int]:
+    """Of the clips drawn, `count` of each style, in order; all for a count of 0."""
+    styles: dict[str, list[int]] = {}
+    for n in drawn:
+        styles.setdefault(clips[n].style, []).append(n)
+    names = {n: f"{seed} {repeat} lends {clips[n].name}" for n in drawn}
+    chosen = [n for own in styles.values() for n in _mixed({m: names[m] for m in own})[: count or None]]
+    return sorted(chosen)
 
 
 def _samples(clips: list[Clip], count: int, repeat: int, seed: int) -> list[int]:

@@ -4,7 +4,7 @@ from .adapters import Adapter
 from .chain import Chain, reconstruction_loss, total_loss
 from .learning import Contents, Lesson, Recipe, teach
 from .pairing import neutral_pair
-from .styles import LearnedStyle, blended
+from .styles import LearnedStyle, blended, prior_of
 
 __all__ = [
     "Adapter",
@@ -15,6 +15,7 @@ __all__ = [
     "Recipe",
     "blended",
     "neutral_pair",
+    "prior_of",
     "reconstruction_loss",
     "teach",
     "total_loss",

@@ -73,6 +73,14 @@ class LearnedStyle:
         return cls(prior, adapter, Chain(prior.schedule, tuple(card["stops"])), card["prompt"], card["style"], card)
 
 
+def prior_of(path: str | os.PathLike) -> str:
+    """The dataset whose prior a saved style belongs to; MotionKitError as `LearnedStyle.load`."""
+    card = checkpoints.load(path, "style")[1]
+    if not card.get("data"):
+        raise MotionKitError(f"{path}: its card does not name a dataset; load it with LearnedStyle.load(path, prior)")
+    return card["data"]
+
+
 def blended(styles: Mapping[LearnedStyle, float], caption: str, base: Predict) -> Predict:
     """Predictions of several styles together, each with its weight, and the rest of 1 from the prior as it is.
 

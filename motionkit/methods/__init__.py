@@ -22,6 +22,8 @@ _METHODS = {
     "statistics": ("statistics", "Statistics"),
 }
 
+BASELINES = ("copy-content", "copy-style", "knn-dtw", "linear", "statistics")  # to be beaten: no network learns in them
+
 
 def names() -> list[str]:
     """The methods that `load` knows."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from functools import cached_property
 
 import torch
 from torch import Tensor
 
 from .. import priors, sampling, text
 from ..datasets import Clip, Dataset
+from ..datasets import load as load_dataset
 from ..errors import MotionKitError
 from ..features import FacingFree
 from ..fewshot import Chain, Contents, LearnedStyle, Lesson, Recipe, blended, neutral_pair, teach
@@ -73,9 +75,17 @@ class FewShot:
 
     def fit(self, train: Dataset | None) -> FewShot:
         """Take neutral contents from this dataset from now on; its clips are read when a style is first learned."""
-        self.pairs, self._contents = NeutralPairs(train), Memory(1)
+        self._library, self._contents = train, Memory(1)
         self._learned, self._pairs, self._last = Memory(16), Memory(), None
+        self.__dict__.pop("pairs", None)
         return self
+
+    @cached_property
+    def pairs(self) -> NeutralPairs:
+        """The library's neutral clips."""
+        if self._library is None:
+            return NeutralPairs(load_dataset(self.prior.card.get("data") or "actor").split().train)
+        return NeutralPairs(self._library)
 
     def learn(self, style: Motion, prompt: str, *, content: str | None = None, **running) -> LearnedStyle:
         """Teach the prior the style of one clip (paper 1, section 3.4); `stylize` uses it from now on.
@@ -94,6 +104,7 @@ class FewShot:
         running.setdefault("title", f"learning {lesson.style!r}")
         adapter, run = teach(lesson, self.recipe, self.seed, **running)
         card = {"steps": self.recipe.steps, "seconds": round(run.seconds, 1), "seed": self.seed}
+        card |= {"data": self.prior.card.get("data", ""), "licence": self.prior.card.get("licence", "")}
         self._last = LearnedStyle(self.prior, adapter, self.chain, prompt, lesson.style, card, lesson.neutral)
         return self._last
 
@@ -178,6 +189,21 @@ class FewShot:
         there = self._windows(blended(styles, caption, plain))
         return tuple(chain.reverse(way, noised)[-1, 0, _BEYOND:-_BEYOND] for way in (there, plain))
 
+    def neutral_motion(self, motion: Motion, caption: str, warp: bool = False, lock: bool = True) -> Motion:
+        """The prior's neutral motion for one in some style (paper 1, sections 3.4 and 3.5, table 2).
+
+        motion: F frames. caption: a sentence that says what it does. warp: let the speed over the ground go with the
+        movements, see `restyling.in_step`; else the path is the motion's own, as in paper 1, eq. 8. lock: hold standing
+        feet still. Returns F frames on the motion's skeleton.
+        """
+        given = body_of(motion)
+        seen = self._seen(given)
+        x = self._neutral(seen, caption)
+        body = self._decoded(x, self.prior.encode(seen), seen, given)
+        body = in_step(body, given) if warp else body
+        body = on_the_ground(body, given) if lock else body
+        return motion.with_body(body).replace(name=f"{motion.name}, neutral")
+
     def caption_of(self, content: Motion) -> str:
         """The neutral sentence that goes best with a motion, of those that the prior knows (paper 1, eq. 6)."""
         known = [one for one in self.prior.known if text.to_neutral(one) == one or " neutral" in one]
@@ -187,10 +213,7 @@ class FewShot:
     def transfer(self, content: Clip, style: Clip) -> Motion:
         """`stylize` for labelled clips with captions, as the arena asks: the style is learned when it first comes."""
         if style.style in NEUTRAL:
-            seen = self._seen(body_of(content.motion))
-            x = self._neutral(seen, content.text)
-            body = in_step(self._decoded(x, x, seen, body_of(content.motion)), body_of(content.motion))
-            return content.motion.with_body(on_the_ground(body, body_of(content.motion)))
+            return self.neutral_motion(content.motion, content.text, warp=True)
         learned = self._learned.get(
             key_of(style.motion), lambda: self.learn(style.motion, style.text, content=style.content, title="")
         )
@@ -202,7 +225,9 @@ class FewShot:
             raise MotionKitError("few-shot: no style was learned yet; first method.learn(clip, 'an old person walks')")
         styles = dict(style) if isinstance(style, Mapping) else {style: 1.0}
         if not styles or not all(isinstance(one, LearnedStyle) for one in styles):
-            hint = ": method.learn(clip, 'an old person walks')" if isinstance(style, Motion | str) else ""
+            hint = ""
+            if isinstance(style, Motion | str):
+                hint = ": method.learn(clip, 'an old person walks'), or on the command line, motionkit learn"
             raise MotionKitError(f"few-shot takes styles that it has learned{hint}; found {style!r}")
         if any(one.prior.key != self.prior.key for one in styles):
             raise MotionKitError("few-shot: this style was learned with another prior; learn it with this one")
