@@ -70,6 +70,16 @@ def test_protocols_of_ones_own(clips):
             Protocol("x", **wrong)
 
 
+def test_few_examples_of_each_style(clips):
+    paper = set(PROTOCOLS["paper-1"].transfers(clips, 3))
+    few = replace(PROTOCOLS["paper-1"], examples=2).transfers(clips, 3)
+    assert set(few) < paper
+    lent = {t.style for t in few}
+    assert {clips[n].style for n in lent} == set(clips.styles) and len(lent) == 2 * len(clips.styles)
+    assert {t for t in paper if t.style in lent} == set(few)  # each is taken to all contents
+    assert lent != {t.style for t in replace(PROTOCOLS["paper-1"], examples=2).transfers(clips, 4)}
+
+
 @pytest.fixture
 def table():
     rows = (

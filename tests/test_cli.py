@@ -42,6 +42,17 @@ def test_imagine_writes_what_a_sentence_says(tmp_path, capsys):
         assert main([*wrong, "-o", str(tmp_path / "no.bvh")]) == 2 and not (tmp_path / "no.bvh").exists()
 
 
+def test_learn_writes_a_style_that_stylize_takes(tmp_path, capsys):
+    style, out, walk = tmp_path / "old.safetensors", tmp_path / "kick.bvh", "data/actor/walk_old.bvh"
+    learn = ["learn", walk, "--steps", "1", "-o", str(style), "--prompt"]
+    assert main([*learn, "a person walks"]) == 2 and "says nothing of a style" in capsys.readouterr().err
+    assert main([*learn, "an old person walks"]) == 0 and not style.with_suffix(".run").exists()
+    assert main(["stylize", "data/actor/walk_neutral.bvh", "--style", str(style), "-o", str(out)]) == 0
+    assert len(mk.load(out)) == 120
+    direct = ["stylize", walk, "--style", walk, "--method", "few-shot", "-o", str(tmp_path / "no.bvh")]
+    assert main(direct) == 2 and "motionkit learn" in capsys.readouterr().err
+
+
 def test_play_writes_a_page_without_network(tmp_path, capsys):
     page = tmp_path / "walk.html"
     assert main(["play", "data/actor/walk_neutral.bvh", "data/actor/walk_old.bvh", "-o", str(page), "--no-open"]) == 0

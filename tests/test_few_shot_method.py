@@ -90,6 +90,13 @@ def test_content_that_is_styled_is_made_neutral_first(method, plain):
     assert error_against(neutral, exact) < 0.6 * error_against(as_it_is, exact)
 
 
+def test_neutral_motion_keeps_the_path_or_goes_with_the_movements(method):
+    old = perform("walk", "old", seed=5, seconds=4.0).motion
+    kept, warped = (method.neutral_motion(old, "an old person is walking", warp=w, lock=False) for w in (False, True))
+    assert float((kept.root_path() - old.root_path()).abs().max()) < 0.05
+    assert torch.allclose(kept.rotations, warped.rotations, atol=1e-5) and kept.name == f"{old.name}, neutral"
+
+
 def test_another_skeleton_is_retargeted(method, plain, captures_dir):
     walk = mk.load(captures_dir / "dataset-2_walk_normal_001.bvh")[:90]
     out = method.stylize(walk, style=plain, caption="a person is walking")
