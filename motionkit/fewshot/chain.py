@@ -33,7 +33,7 @@ class Chain:
 
     @classmethod
     def like_paper(cls, schedule: NoiseSchedule, change: int = CHANGE, steps: int = STEPS) -> Chain:
-        """The chain that starts with as much noise as K = `change` of 1000 steps, S = `steps` in all (paper 1, section 4).
+        """Starts with the noise of K = `change` of 1000 steps, S = `steps` in all (paper 1, section 4).
 
         Steps of another schedule are those with the same noise (`NoiseSchedule.step_like`). Raises MotionKitError for
         numbers out of range.
