@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from . import diffusion_exercises
+from . import diffusion_exercises, few_shot_exercises
 from . import rotations as rot
 from .alignment import dtw_costs
 from .contacts import foot_sliding
@@ -250,7 +250,11 @@ _EXERCISES = {
         "answers, of which n is right: minus the logarithm of its share after softmax, and the mean of that",
     ),
 }
-_EXERCISES |= {name: Exercise(*parts) for name, parts in diffusion_exercises.EXERCISES.items()}
+_EXERCISES |= {
+    name: Exercise(*parts)
+    for module in (diffusion_exercises, few_shot_exercises)
+    for name, parts in module.EXERCISES.items()
+}
 
 
 # slips that are common enough to be told by name
