@@ -279,8 +279,8 @@ def test_reading_keeps_memory_flat(tmp_path):
     if math.isnan(private_mb()):
         pytest.skip("this system does not say how much memory is private")
     before = private_mb()
-    held = np.ones(3_000_000)
-    assert 20 < private_mb() - before < 30 and len(held)
+    held = np.ones(5_000_000)  # 40 MB: less might come from what earlier tests have freed
+    assert 35 < private_mb() - before < 50 and len(held)
     found = corpus_speed(tmp_path, frames=20_000, batches=60)
     assert found["frames"] == 20_000 and found["memory_growth_mb"] < 10 and found["batches_per_s"] > 10
     assert json.loads((tmp_path / "corpus.json").read_text())["name"] == "folder"
