@@ -44,6 +44,15 @@ TARGETS = {
         "single_frame_proud_strutting": 60,
         "single_frame_depressed_tired": 60,
     },
+    "few-shot": {
+        "learn_seconds": 180,
+        "restyle_seconds": 0.3,
+        "style_file_mb": 1,
+        "paper_size_seconds": 0.4,
+        "bandai_cra": 93.41,
+        "bandai_sra": 60.11,
+        "sra_without_semantic_ratio": 0.5,
+    },
     "diffusion": {
         "paper_call_ms": 52,
         "paper_ddim20_seconds": 1.0,
