@@ -19,6 +19,7 @@ from .adapters import Adapter
 from .chain import CHANGE, NOISE, STEPS, Chain, reconstruction_loss, total_loss
 
 PAIRS = ("prior", "knn-dtw")
+MODELS = ("diffusion", "autoencoder")
 
 
 @dataclass(frozen=True)
@@ -28,8 +29,9 @@ class Recipe:
     noise: G, for the neutral pair; change: K; chain: S (paper 1, section 4). weights: lambda_sr and lambda_s; with 0
     for the second there is no semantic loss (table 3). steps, batch, rate: of fine-tuning. rank: of the adapter; 0
     changes all weights. pair: where the neutral motion of the pair comes from (tables 2 and 3); pair_steps: of DDPM,
-    where the prior makes it; None for every one. frames: of the windows that the semantic loss sees. `paper()` is as
-    published, `laptop()` learns in a minute on two cores. Raises MotionKitError for values out of range.
+    where the prior makes it; None for every one. frames: of the windows that the semantic loss sees. model: what is
+    fine-tuned, the prior or an autoencoder (table 3). `paper()` is as published, `laptop()` learns in a minute on two
+    cores. Raises MotionKitError for values out of range.
     """
 
     noise: int = NOISE
@@ -43,10 +45,14 @@ class Recipe:
     pair: str = "prior"
     pair_steps: int | None = 100
     frames: int = 120
+    model: str = "diffusion"
 
     def __post_init__(self) -> None:
-        if self.pair not in PAIRS:
-            raise MotionKitError(f"a recipe's pair comes from {' or '.join(map(repr, PAIRS))}; found {self.pair!r}")
+        for name, known in (("pair", PAIRS), ("model", MODELS)):
+            if getattr(self, name) not in known:
+                raise MotionKitError(
+                    f"a recipe's {name} is {' or '.join(map(repr, known))}; found {getattr(self, name)!r}"
+                )
         for name, least in (("noise", 1), ("change", 1), ("chain", 1), ("steps", 1), ("batch", 1), ("rank", 0)):
             value = getattr(self, name)
             if not isinstance(value, int) or isinstance(value, bool) or value < least:
@@ -63,6 +69,14 @@ class Recipe:
     def laptop(cls) -> Recipe:
         """The same parts in a minute on two cores."""
         return cls()
+
+
+ABLATIONS = {  # the rows of paper 1's table 3, each one call: mk.methods.load("few-shot", recipe=ABLATIONS[row])
+    "ours": Recipe(),
+    "with KNN + DTW": Recipe(pair="knn-dtw"),
+    "with AE": Recipe(model="autoencoder"),
+    "without L_s": Recipe(weights=(1.0, 0.0)),
+}
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,7 +51,12 @@ class LearnedStyle:
         return lambda x, t: self.network(x, t, words.expand(len(x), -1))
 
     def save(self, path: str | os.PathLike) -> Path:
-        """The changes and a card, see `checkpoints.save`. Numbers are written with 16 bits."""
+        """The changes and a card, see `checkpoints.save`. Numbers are written with 16 bits.
+
+        Raises MotionKitError for the style of an autoencoder, whose own weights no file holds.
+        """
+        if not self.chain.stops:
+            raise MotionKitError("an autoencoder's style is not kept: it is an ablation, made anew where it is needed")
         tensors = {name: value.detach().half() for name, value in self.adapter.changes.items()}
         card = {"kind": "style", **self.card, "prompt": self.prompt, "style": self.style, "rank": self.adapter.rank}
         return checkpoints.save(path, tensors, card | {"stops": list(self.chain.stops), "prior": self.prior.key})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 
 import torch
@@ -14,7 +15,18 @@ from ..datasets import Clip, Dataset
 from ..datasets import load as load_dataset
 from ..errors import MotionKitError
 from ..features import FacingFree
-from ..fewshot import Chain, Contents, LearnedStyle, Lesson, Recipe, blended, neutral_pair, teach
+from ..fewshot import (
+    Chain,
+    Contents,
+    Direct,
+    LearnedStyle,
+    Lesson,
+    Recipe,
+    blended,
+    neutral_pair,
+    teach,
+    with_autoencoder,
+)
 from ..motion import Motion
 from ..pairs import NEUTRAL, NeutralPairs
 from ..priors import Discriminator, Prior
@@ -70,15 +82,33 @@ class FewShot:
         judge = prior if discriminator is None else discriminator
         self.discriminator = priors.load_discriminator(judge) if isinstance(judge, str) else judge
         self.recipe, self.seed = recipe or Recipe.laptop(), seed
-        self.chain = Chain.like_paper(self.prior.schedule, self.recipe.change, self.recipe.chain)
+        self.chain = Direct()
+        if self.recipe.model == "diffusion":
+            self.chain = Chain.like_paper(self.prior.schedule, self.recipe.change, self.recipe.chain)
         self.fit(library)
 
     def fit(self, train: Dataset | None) -> FewShot:
         """Take neutral contents from this dataset from now on; its clips are read when a style is first learned."""
         self._library, self._contents = train, Memory(1)
         self._learned, self._pairs, self._last = Memory(16), Memory(), None
-        self.__dict__.pop("pairs", None)
+        for known in ("pairs", "taught"):
+            self.__dict__.pop(known, None)
         return self
+
+    def __getstate__(self) -> dict:
+        """What the method is, without what it has worked out or learned so far."""
+        return {name: getattr(self, name) for name in ("prior", "discriminator", "recipe", "seed", "chain", "_library")}
+
+    def __setstate__(self, state: dict) -> None:
+        self.__dict__.update(state)
+        self.fit(self._library)
+
+    def having(self, **changes) -> FewShot:
+        """The same method with another recipe, such as `having(change=200)`: prior, library and seed stay."""
+        recipe = replace(self.recipe, **changes)
+        other = FewShot(self.prior, self.discriminator, self._library, recipe, self.seed)
+        other.__dict__.update({"pairs": self.pairs})
+        return other
 
     @cached_property
     def pairs(self) -> NeutralPairs:
@@ -86,6 +116,13 @@ class FewShot:
         if self._library is None:
             return NeutralPairs(load_dataset(self.prior.card.get("data") or "actor").split().train)
         return NeutralPairs(self._library)
+
+    @cached_property
+    def taught(self) -> Prior:
+        """What is fine-tuned: the prior, or the autoencoder in its place, which then learns first (table 3)."""
+        if self.recipe.model == "diffusion":
+            return self.prior
+        return with_autoencoder(self.prior, self.pairs.library, seed=self.seed)
 
     def learn(self, style: Motion, prompt: str, *, content: str | None = None, **running) -> LearnedStyle:
         """Teach the prior the style of one clip (paper 1, section 3.4); `stylize` uses it from now on.
@@ -105,7 +142,7 @@ class FewShot:
         adapter, run = teach(lesson, self.recipe, self.seed, **running)
         card = {"steps": self.recipe.steps, "seconds": round(run.seconds, 1), "seed": self.seed}
         card |= {"data": self.prior.card.get("data", ""), "licence": self.prior.card.get("licence", "")}
-        self._last = LearnedStyle(self.prior, adapter, self.chain, prompt, lesson.style, card, lesson.neutral)
+        self._last = LearnedStyle(self.taught, adapter, self.chain, prompt, lesson.style, card, lesson.neutral)
         return self._last
 
     def lesson(self, style: Motion, prompt: str, content: str | None = None) -> Lesson:
@@ -118,7 +155,7 @@ class FewShot:
         neutral = self.neutral_of(clip, prompt, content)
         wanted = self.recipe.weights[1] > 0
         return Lesson(
-            self.prior,
+            self.taught,
             self.discriminator,
             self.chain,
             self.prior.encode(clip),
@@ -136,7 +173,7 @@ class FewShot:
 
     def load_style(self, path: str | os.PathLike) -> LearnedStyle:
         """A style that was saved; `stylize` uses it from now on. MotionKitError where it does not fit the prior."""
-        self._last = LearnedStyle.load(path, self.prior)
+        self._last = LearnedStyle.load(path, self.taught)
         return self._last
 
     def stylize(
@@ -183,7 +220,7 @@ class FewShot:
         The second answer is what the prior itself makes on the way back: the content, as nearly as it can.
         """
         chain = next(iter(styles)).chain
-        plain = self._windows(self.prior.predict([caption], 1.0))
+        plain = self._windows(self.taught.predict([caption], 1.0))
         longer = torch.cat((x[:1].expand(_BEYOND, -1), x, x[-1:].expand(_BEYOND, -1)))
         noised = chain.forward(plain, longer[None])
         there = self._windows(blended(styles, caption, plain))
@@ -229,7 +266,7 @@ class FewShot:
             if isinstance(style, Motion | str):
                 hint = ": method.learn(clip, 'an old person walks'), or on the command line, motionkit learn"
             raise MotionKitError(f"few-shot takes styles that it has learned{hint}; found {style!r}")
-        if any(one.prior.key != self.prior.key for one in styles):
+        if any(one.prior.key != self.taught.key for one in styles):
             raise MotionKitError("few-shot: this style was learned with another prior; learn it with this one")
         return styles
 
@@ -254,7 +291,7 @@ class FewShot:
             clips = [clip for clip in library if clip.style in NEUTRAL]
             order = torch.randperm(len(clips), generator=torch.Generator().manual_seed(self.seed)).tolist()
             frames = min(self.recipe.frames, self.prior.longest, max(map(len, clips)))
-            return Contents.of(self.prior, [clips[n] for n in order[:_MOST]], self.chain, frames, self.seed)
+            return Contents.of(self.taught, [clips[n] for n in order[:_MOST]], self.chain, frames, self.seed)
 
         return self._contents.get("contents", work_out)
 
