@@ -86,7 +86,8 @@ def _add_learn(commands: argparse._SubParsersAction) -> None:
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
     train = commands.add_parser("train", help="train on a dataset, and write weights with a card")
-    train.add_argument("what", choices=["judge", *_JUDGES, *_PRIORS], help="judge: content, style and autoencoder")
+    about = "judge: content, style and autoencoder; space: of styles, for few-shot"
+    train.add_argument("what", choices=["judge", *_JUDGES, *_PRIORS, "space"], help=about)
     train.add_argument("--data", default="actor", help=f"one of: {', '.join(datasets.names())}")
     train.add_argument("--root", help="the folder or zip of the captures, where the dataset needs one")
     train.add_argument("--config", default="laptop", choices=["tiny", "laptop", "paper"], help="the network's size")
@@ -100,7 +101,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
 def _train(args: argparse.Namespace) -> None:
     from .training import in_main
 
-    data, judged = datasets.load(args.data, args.root), args.what not in _PRIORS
+    data, judged = datasets.load(args.data, args.root), args.what not in (*_PRIORS, "space")
     for part in _JUDGES if args.what == "judge" else [args.what]:
         command = f"python -m motionkit train {part} --data {args.data} --config {args.config} --seed {args.seed}"
         command += f" --steps {args.steps}" if args.steps else ""
@@ -112,6 +113,10 @@ def _train(args: argparse.Namespace) -> None:
             from .layers import StGcnConfig
 
             path = train_part(part, data, getattr(StGcnConfig, args.config)(), args.steps, args.seed, command)
+        elif part == "space":
+            from .fewshot.space_recipe import train_part
+
+            path = train_part(data, args.steps, args.seed, command)
         else:
             from .layers import TransformerConfig
             from .priors.commands import train_part

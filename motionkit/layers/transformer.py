@@ -157,10 +157,13 @@ class Denoiser(nn.Module):
         self.output = PoseOutput(features, config)
         self.register_buffer("waves", sinusoids(max(steps, config.frames) + 2, width), persistent=False)
 
-    def forward(self, x: Tensor, t: Tensor, text: Tensor, mask: Tensor | None = None) -> Tensor:
+    def forward(
+        self, x: Tensor, t: Tensor, text: Tensor, mask: Tensor | None = None, more: Tensor | None = None
+    ) -> Tensor:
         """x: [B, F, D] at step t, long [B]. text: [B, E]. mask: bool [B, F], which frames are there. Returns x0.
 
-        Raises MotionKitError for more frames than there are positions.
+        more: [B, width], what every token is told beside. Raises MotionKitError for more frames than there are
+        positions.
         """
         x = x if mask is None else x * mask[..., None]
         condition = self.text(text) + self.step(self.waves[t])
@@ -169,6 +172,8 @@ class Denoiser(nn.Module):
             most = (len(self.waves) - 1) * self.config.frames_per_token
             raise MotionKitError(f"this network has positions for {most} frames; found {x.shape[1]}: cut the motion")
         hidden = None if mask is None else nn.functional.pad(self.embedding.hidden(mask), (1, 0))
+        if more is not None:
+            tokens = tokens + more[:, None]
         seen = self.encoder(tokens + self.waves[: tokens.shape[1]], src_key_padding_mask=hidden)
         return self.output(seen[:, 1:], x.shape[1])
 

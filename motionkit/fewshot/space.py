@@ -1,0 +1,146 @@
+"""A space of styles: a prior that has seen so many styles change a motion that one clip says which of them it shows.
+
+Beyond paper 1, whose section 7 names a model for every style as its limitation. Its chain (eq. 9) is taught once, by
+its own loss (eq. 10), on neutral motions told again in thousands of invented styles, each a vector of numbers, the
+*code*. To learn a style from a clip is then to find its code, by the same loss; all else stays as it is.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from .. import checkpoints, priors, text
+from ..actor import Style, parameters
+from ..errors import MotionKitError
+from ..layers import Denoiser, TransformerConfig
+from ..priors import Prior
+from .chain import Chain
+from .invented import code_of
+
+CODES = len(parameters())
+
+
+class CodedDenoiser(nn.Module):
+    """A denoiser that every token of which is told a code, [B, C + 1]: a style, or in its last number, to be neutral.
+
+    >>> network = CodedDenoiser(Denoiser(10, 16, TransformerConfig.tiny()), codes=3)
+    >>> x, t, words = torch.randn(2, 30, 10), torch.tensor([5, 900]), torch.zeros(2, 16)
+    >>> network(x, t, words, torch.zeros(2, 4)).shape
+    torch.Size([2, 30, 10])
+    """
+
+    def __init__(self, denoiser: Denoiser, codes: int = CODES) -> None:
+        super().__init__()
+        self.denoiser, width = denoiser, denoiser.config.width
+        self.straight = nn.Linear(codes + 1, width, bias=False)
+        self.bent = nn.Sequential(nn.Linear(codes + 1, width), nn.SiLU(), nn.Linear(width, width, bias=False))
+
+    def forward(self, x: Tensor, t: Tensor, text: Tensor, code: Tensor, mask: Tensor | None = None) -> Tensor:
+        """As `layers.Denoiser.forward`; code: [B, C + 1]."""
+        return self.denoiser(x, t, text, mask, self.straight(code) + self.bent(code))
+
+
+@dataclass(eq=False)
+class StyleSpace:
+    """What `python -m motionkit train space` makes; `mk.methods.load("few-shot")` looks for styles in it.
+
+    prior: what takes motions forwards. network: what takes them back. chain: the steps that it was taught on.
+    """
+
+    prior: Prior
+    network: CodedDenoiser
+    chain: Chain
+    card: dict = field(default_factory=dict, repr=False)
+
+    def __repr__(self) -> str:
+        return f"StyleSpace({CODES} numbers say a style, on {self.prior!r})"
+
+    @cached_property
+    def key(self) -> str:
+        """The same for the same weights of prior and space, and for no others."""
+        state = {name: value.half() for name, value in self.network.state_dict().items()}
+        return text.content_key(state, self.prior.key)
+
+    @property
+    def config(self) -> TransformerConfig:
+        """The network's sizes."""
+        return self.network.denoiser.config
+
+    @torch.no_grad()
+    def neutral(self, x: Tensor, caption: str) -> Tensor:
+        """The neutral motion for one in any style, features [F, D] both: the chain forwards, and back told to be so.
+
+        It is quicker than paper 1's way through much noise (eqs. 7 and 8), and stays in step with the example.
+        """
+        noised = self.chain.forward(self.prior.predict([text.to_neutral(caption)], 1.0), x[None])
+        words = self.prior.encoder.encode([text.to_neutral(caption)])
+        code = torch.zeros(1, CODES + 1)
+        code[:, -1] = 1
+        return self.chain.reverse(lambda y, t: self.network(y, t, words, code), noised)[-1, 0]
+
+    def save(self, path: str | os.PathLike) -> Path:
+        """Weights and card, see `checkpoints.save`; 16 bits."""
+        tensors = {name: value.half() for name, value in self.network.state_dict().items()}
+        card = {"kind": "space", **self.card, "config": asdict(self.config), "prior": self.prior.key}
+        return checkpoints.save(path, tensors, card | {"codes": list(parameters()), "stops": list(self.chain.stops)})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike, prior: Prior) -> StyleSpace:
+        """From what `save` wrote, for the prior that it was made from; MotionKitError where they do not fit."""
+        tensors, card = checkpoints.load(path, "space")
+        if card.get("prior") != prior.key or card.get("codes") != list(parameters()):
+            raise MotionKitError(f"{path}: made from another prior, or by another performer; get both files again")
+        config = checkpoints.config_of(path, card, TransformerConfig)
+        size, words = prior.layout.size, prior.encoder.size
+        network = CodedDenoiser(Denoiser(size, words, config, prior.schedule.steps)).eval()
+        checkpoints.load_into(network, {name: value.float() for name, value in tensors.items()}, path)
+        return cls(prior, network.requires_grad_(False), Chain(prior.schedule, tuple(card["stops"])), card)
+
+
+@lru_cache(maxsize=2)
+def load(name: str = "actor") -> StyleSpace:
+    """The shipped space of styles of a dataset; MotionKitError if there is none."""
+    return StyleSpace.load(checkpoints.find(f"{name}-space"), priors.load(name))
+
+
+class Point(nn.Module):
+    """A style as a point of a space: the network as it is, told one code, which alone is learned.
+
+    It has an `Adapter`'s interface, so `teach` finds the point as it trains an adapter. style: where to start; neutral
+    if left out.
+    """
+
+    rank = 0
+
+    def __init__(self, space: StyleSpace, style: Style | None = None) -> None:
+        super().__init__()
+        self.space = (space,)  # in a tuple, so that it is no part of this module's state
+        self.changes = nn.ParameterDict({"code": torch.zeros(CODES) if style is None else code_of(style)})
+
+    @property
+    def code(self) -> Tensor:
+        """C + 1 numbers."""
+        return torch.cat((self.changes["code"], torch.zeros(1)))
+
+    def forward(self, x: Tensor, t: Tensor, text: Tensor, mask: Tensor | None = None) -> Tensor:
+        """As `layers.Denoiser.forward`."""
+        return self.space[0].network(x, t, text, self.code.expand(len(x), -1), mask)
+
+    def frozen(self) -> Callable[..., Tensor]:
+        """As `Adapter.frozen`."""
+        code = self.code.detach()
+        return lambda x, t, text, mask=None: self.space[0].network(x, t, text, code.expand(len(x), -1), mask)
+
+    def style(self, name: str = "found") -> Style:
+        """The performer's numbers that the point stands for, within their ranges."""
+        numbers = {}
+        for value, (key, about) in zip(self.changes["code"].tolist(), parameters().items()):
+            numbers[key] = min(max(about.neutral + value * 0.5 * (about.high - about.low), about.low), about.high)
+        return Style(name, **numbers)

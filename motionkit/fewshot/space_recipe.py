@@ -1,0 +1,109 @@
+"""How a space of styles is trained: `python -m motionkit train space --data actor`."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from .. import checkpoints, priors, text
+from ..cards import place_for
+from ..datasets import Dataset
+from ..datasets.made import version
+from ..errors import MotionKitError
+from ..priors import Prior
+from ..training import Schedule, device_of, fit, in_main
+from .chain import Chain, reconstruction_loss
+from .invented import FRAMES, Lessons, batches_of, lessons
+from .space import CODES, CodedDenoiser, StyleSpace
+
+STEPS, RATE, BATCH, COUNT = 10000, 1e-3, 16, 3600
+_BACK = 4  # of a batch so many are taken from their style to neutral
+_SHORTEST = 96
+
+
+@torch.no_grad()
+def noised(prior: Prior, chain: Chain, x: Tensor, words: Tensor) -> Tensor:
+    """m_K of features [N, F, D] with their sentences' vectors [N, E], in half precision."""
+    found = [
+        chain.forward(lambda y, t, own=words[part]: prior.network(y, t, own), x[part].float()).half()
+        for part in batches_of(len(x), 64)
+    ]
+    return torch.cat(found)
+
+
+def train_space(prior: Prior, known: Lessons, schedule: Schedule | None = None, **running) -> StyleSpace:
+    """Teach the chain of a prior on lessons in invented styles (paper 1, eqs. 9 and 10), starting from its weights.
+
+    A quarter of each batch goes from a styled motion to the neutral one, told so by a number of its own; the rest from
+    neutral to a style by its code. running: as in `training.fit`.
+    """
+    schedule = schedule or Schedule(STEPS, RATE, average=0.995)
+    prior.network.eval()
+    chain, words = Chain.like_paper(prior.schedule), prior.encoder.encode([text.to_neutral(c) for c in known.captions])
+    plain, changed = (noised(prior, chain, x, words) for x in (known.neutral, known.styled))
+    torch.manual_seed(schedule.seed)
+    network = CodedDenoiser(copy.deepcopy(prior.network))
+
+    def loss_of(model: nn.Module, step: int) -> Tensor:
+        chosen, here = torch.randint(len(known.styled), (BATCH,)), device_of(model)
+        length = int(torch.randint(_SHORTEST // 4, FRAMES // 4 + 1, ())) * 4
+        start = int(torch.randint(FRAMES - length + 1, ()))
+        back, there, window = chosen[:_BACK], chosen[_BACK:], slice(start, start + length)
+        given = torch.cat((changed[back, window], plain[there, window])).float().to(here)
+        wanted = torch.cat((known.neutral[back, window], known.styled[there, window])).float().to(here)
+        code, told = torch.zeros(BATCH, CODES + 1), words[chosen].to(here)
+        code[:_BACK, -1], code[_BACK:, :-1] = 1, known.codes[there]
+        code = code.to(here)
+        return reconstruction_loss(chain.reverse(lambda x, t: model(x, t, told, code), given), wanted)
+
+    run = fit(network, loss_of, schedule, **running)
+    space = StyleSpace(prior, network.requires_grad_(False), chain)
+    space.card = {"seed": schedule.seed, "steps": schedule.steps, "seconds": round(run.seconds)}
+    space.card |= {"steps_per_second": round(run.steps_per_second, 2), "hardware": checkpoints.hardware()}
+    space.card |= {"parameters": sum(p.numel() for p in network.parameters()), "lessons": len(known.styled)}
+    space.card["last_loss"] = round(sum(run.losses[-200:]) / len(run.losses[-200:]), 4)
+    return space
+
+
+@torch.no_grad()
+def misses(space: StyleSpace, known: Lessons) -> dict[str, float]:
+    """Mean square errors of the chain's last prediction on lessons that were not learned from, both ways.
+
+    `styled`: from neutral to the style that the code says; `neutral`: from the style to neutral; `copied`: what there
+    is between the two.
+    """
+    words = space.prior.encoder.encode([text.to_neutral(c) for c in known.captions])
+    code = torch.cat((known.codes, torch.zeros(len(words), 1)), 1)
+    found = {"copied": float((known.neutral.float() - known.styled.float()).square().mean())}
+    flag = torch.zeros_like(code)
+    flag[:, -1] = 1
+    for name, given, wanted, told in (
+        ("styled", known.neutral, known.styled, code),
+        ("neutral", known.styled, known.neutral, flag),
+    ):
+        start = noised(space.prior, space.chain, given, words).float()
+        made = space.chain.reverse(lambda x, t, told=told: space.network(x, t, words, told), start)[-1]
+        found[name] = float((made - wanted.float()).square().mean())
+    return {name: round(value, 4) for name, value in found.items()}
+
+
+def train_part(data: Dataset, steps: int | None, seed: int, command: str) -> Path:
+    """Train the space of a dataset's prior and write it where `space.load` finds it; returns the weights' path.
+
+    The state of the run is kept beside the weights, so a run that was broken off goes on. Only the performer can tell a
+    motion in a style that was never captured, so raises MotionKitError for captures.
+    """
+    if data.name != "actor":
+        raise MotionKitError(f"a space of styles is learned from the performer, data 'actor'; found {data.name!r}")
+    path, prior = place_for(data.name, "space"), priors.load(data.name)
+    schedule = Schedule(steps or STEPS, RATE, seed=seed, average=0.995)
+    count = COUNT if steps is None or steps >= STEPS else max(24, COUNT * steps // STEPS)
+    keep = path.with_suffix(".run")
+    made = train_space(prior, lessons(prior, count, seed=seed), schedule, keep=keep, title=path.stem)
+    made.card = {"name": path.stem, "command": command, "data": data.name, **made.card, "licence": "MIT"}
+    made.card |= {"data_sha256": version() + prior.key[:4], "metrics": misses(made, lessons(prior, 60, seed=seed + 1))}
+    in_main(lambda: made.save(path))
+    return path
