@@ -192,12 +192,10 @@ def _imagine(args: argparse.Namespace) -> None:
 
 
 def _learn(args: argparse.Namespace) -> None:
-    from .fewshot import Recipe
-
     output = _fresh(args.output, ".safetensors", [args.style])
-    library = datasets.load(args.prior, args.root).split().train
-    recipe = Recipe(steps=args.steps) if args.steps else Recipe.laptop()
-    method = methods.load("few-shot", prior=args.prior, library=library, recipe=recipe, seed=args.seed)
+    library = datasets.load(args.prior, args.root).split().train if args.root else None
+    method = methods.load("few-shot", prior=args.prior, library=library, seed=args.seed)
+    method = method.having(steps=args.steps) if args.steps else method
     learned = method.learn(load(args.style, args.metres_per_unit), args.prompt, keep=output.with_suffix(".run"))
     print(learned.save(output))
 

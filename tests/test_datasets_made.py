@@ -29,7 +29,12 @@ def part_of(name: str, part: str) -> list:
 
 
 @pytest.mark.parametrize(
-    ("name", "styles", "shares"), [("actor", SEEN, (12, 2, 3)), ("actor-unseen", UNSEEN, (2, 1, 5))]
+    ("name", "styles", "shares"),
+    [
+        ("actor", SEEN, (12, 2, 3)),
+        ("actor-unseen", UNSEEN, (2, 1, 5)),
+        ("actor-held-back", ("neutral", *UNSEEN), (12, 2, 3)),
+    ],
 )
 def test_every_content_in_every_style_in_every_part(name, styles, shares):
     for part, count in zip(PARTS, shares):
@@ -46,7 +51,7 @@ def test_creatures_do_all_they_can():
 
 
 def test_who_is_tested_on_was_never_trained_on():
-    for names in (("actor", "actor-unseen"), ("creatures",)):
+    for names in (("actor", "actor-unseen", "actor-held-back"), ("creatures",)):
         people = [{i.labels.performer for n in names for i in part_of(n, part)} for part in PARTS]
         assert not people[0] & people[1] | people[0] & people[2] | people[1] & people[2]
     train, validation, test = ({i.labels.performer for i in part_of("actor", part)} for part in PARTS)
@@ -65,7 +70,8 @@ def test_performers_do_not_give_the_style_away():
 def test_no_take_is_in_two_styles():
     takes = Counter((i.source.creature, i.labels.content, i.source.seed, i.source.performer) for i in EVERY)
     assert max(takes.values()) == 1
-    assert len({item.labels.take for item in EVERY}) == len({i.source.state for i in EVERY}) == len(EVERY)
+    assert len({(name, item.labels.take) for name, items in ALL.items() for item in items}) == len(EVERY)
+    assert len({i.source.state for i in EVERY}) == len(EVERY)
     assert all(item.labels.take == item.name for item in EVERY)
 
 

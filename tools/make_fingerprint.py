@@ -20,7 +20,7 @@ from motionkit.datasets.made import fingerprint, items
 
 TARGET = Path(__file__).resolve().parent.parent / "tests" / "made_fingerprint.json"
 # of the clips numbered 00, how many there are to each that is taken; these go through all contents and styles
-STRIDES = {"actor": 2, "actor-unseen": 3, "creatures": 5}
+STRIDES = {"actor": 2, "actor-unseen": 3, "actor-held-back": 5, "creatures": 5}
 
 
 def sample(name: str) -> list[Item]:

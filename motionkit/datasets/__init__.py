@@ -55,6 +55,7 @@ __all__ = [
 _READERS = {
     "100style": "style100",
     "actor": "made",
+    "actor-held-back": "made",
     "actor-unseen": "made",
     "bandai-1": "bandai",
     "bandai-2": "bandai",
@@ -69,7 +70,7 @@ def names() -> list[str]:
     """The datasets that `load` knows.
 
     >>> names()
-    ['100style', 'actor', 'actor-unseen', 'bandai-1', 'bandai-2', 'creatures', 'folder', 'humanml3d', 'xia']
+    ['100style', 'actor', 'actor-held-back', 'actor-unseen', 'bandai-1', 'bandai-2', 'creatures', 'folder', ...]
     """
     return sorted(_READERS)
 

@@ -1,4 +1,4 @@
-"""Data sets that the performer makes: `actor`, the default, `actor-unseen` with styles held back, and `creatures`.
+"""Data sets that the performer makes: `actor`, the default, `actor-unseen` with styles held back, `creatures`.
 
 Nothing is downloaded. Contacts and phase of every clip are exact, and `motionkit.actor.retell` tells the exact answer
 of any style transfer: the clip's own performance in another style. (Within a data set no take is in two styles.)
@@ -34,9 +34,11 @@ PERFORMERS = {"train": range(44), "validation": range(44, 50), "test": range(50,
 TAKES = {
     "actor": {"train": 12, "validation": 2, "test": 3},
     "actor-unseen": {"train": 2, "validation": 1, "test": 5},
+    "actor-held-back": {"train": 12, "validation": 2, "test": 3},  # for judges alone
     "creatures": {"train": 3, "validation": 1, "test": 1},
 }
-_FIRST_SEED = {"actor": 0, "actor-unseen": 100_000, "creatures": 200_000}
+STYLES = {"actor": SEEN, "actor-unseen": UNSEEN, "actor-held-back": ("neutral", *UNSEEN)}
+_FIRST_SEED = {"actor": 0, "actor-unseen": 100_000, "creatures": 200_000, "actor-held-back": 300_000}
 
 
 @dataclass(frozen=True)
@@ -96,11 +98,12 @@ def version() -> str:
 
 
 def items(name: str = "actor", root: str | os.PathLike | None = None) -> list[Item]:
-    """The clips of `actor`, `actor-unseen` or `creatures`, nothing made yet; 4 to 8 s each at 30 fps.
+    """The clips of `actor`, `actor-unseen`, `actor-held-back` or `creatures`, nothing made yet; 4 to 8 s at 30 fps.
 
     `actor` has 17 takes of each of 12 contents in 8 styles: 12 to train on, 2 to validate with, 3 to test on, which
-    others perform. `actor-unseen` has 8 (2, 1 and 5) in the 4 styles held back, by the same people; `creatures` 5 (3, 1
-    and 1) of all that each can do. root: must be left out. Raises MotionKitError if it is not.
+    others perform. `actor-unseen` has 8 (2, 1 and 5) in the 4 styles held back, by the same people; `actor-held-back` as
+    many as `actor` of these and of neutral, so that judges of them can be trained; `creatures` 5 (3, 1 and 1) of all
+    that each can do. root: must be left out. Raises MotionKitError if it is not.
 
     >>> clips = items("actor")
     >>> clips[0].name, clips[0].labels.texts[0], clips[0].labels.split
@@ -108,7 +111,7 @@ def items(name: str = "actor", root: str | os.PathLike | None = None) -> list[It
     """
     if root is not None:
         raise MotionKitError(f"dataset {name!r} is made here, not read; leave root={os.fspath(root)!r} out")
-    asked = _creatures() if name == "creatures" else _people(UNSEEN if name == "actor-unseen" else SEEN)
+    asked = _creatures() if name == "creatures" else _people(STYLES[name])
     found = []
     for kind, (creature, content, style) in enumerate(asked):
         take = 0

@@ -5,6 +5,7 @@ from .autoencoder import ConvAutoencoder, Direct, with_autoencoder
 from .chain import Chain, reconstruction_loss, total_loss
 from .learning import ABLATIONS, Contents, Lesson, Recipe, teach
 from .pairing import neutral_pair
+from .space import Point, StyleSpace
 from .styles import LearnedStyle, blended, prior_of
 from .sweeps import sweep_change, sweep_noise
 
@@ -17,7 +18,9 @@ __all__ = [
     "Direct",
     "LearnedStyle",
     "Lesson",
+    "Point",
     "Recipe",
+    "StyleSpace",
     "blended",
     "neutral_pair",
     "prior_of",

@@ -18,6 +18,7 @@ class Adapter(nn.Module):
     Every matrix W becomes W + B A with A [rank, in] and B [out, rank] (low-rank adaptation, Hu et al. 2022), every
     vector gets one to add; with rank 0 every matrix gets a whole matrix to add, as in paper 1. At first nothing is
     changed. network: stays as it is and belongs to all adapters alike. Raises MotionKitError for a rank below 0.
+    `hears_style`: it is given sentences told in the style.
 
     >>> from motionkit.layers import TransformerConfig
     >>> network = Denoiser(features=10, text_size=16, config=TransformerConfig.tiny())
@@ -26,6 +27,8 @@ class Adapter(nn.Module):
     >>> bool(torch.allclose(adapter(x, t, text), network(x, t, text), atol=1e-5))
     True
     """
+
+    hears_style = True
 
     def __init__(self, network: Denoiser, rank: int = 8, seed: int = 0) -> None:
         super().__init__()

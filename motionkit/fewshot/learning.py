@@ -17,9 +17,10 @@ from ..priors import Discriminator, Prior
 from ..training import Run, Schedule, fit
 from .adapters import Adapter
 from .chain import CHANGE, NOISE, STEPS, Chain, reconstruction_loss, total_loss
+from .space import Point, StyleSpace
 
-PAIRS = ("prior", "knn-dtw")
-MODELS = ("diffusion", "autoencoder")
+PAIRS = ("prior", "knn-dtw", "space")
+MODELS = ("diffusion", "autoencoder", "space")
 
 
 @dataclass(frozen=True)
@@ -29,9 +30,10 @@ class Recipe:
     noise: G, for the neutral pair; change: K; chain: S (paper 1, section 4). weights: lambda_sr and lambda_s; with 0
     for the second there is no semantic loss (table 3). steps, batch, rate: of fine-tuning. rank: of the adapter; 0
     changes all weights. pair: where the neutral motion of the pair comes from (tables 2 and 3); pair_steps: of DDPM,
-    where the prior makes it; None for every one. frames: of the windows that the semantic loss sees. model: what is
-    fine-tuned, the prior or an autoencoder (table 3). `paper()` is as published, `laptop()` learns in a minute on two
-    cores. Raises MotionKitError for values out of range.
+    where the prior makes it; None for every one. frames: of the windows that the semantic loss sees. model: what
+    learns: the prior, an autoencoder (table 3), or a point in a space of styles, which can make the pair too. `paper()`
+    is as published, `laptop()` learns in a minute on two cores, `in_space()` finds such a point, beyond the paper.
+    Raises MotionKitError for values out of range.
     """
 
     noise: int = NOISE
@@ -53,6 +55,8 @@ class Recipe:
                 raise MotionKitError(
                     f"a recipe's {name} is {' or '.join(map(repr, known))}; found {getattr(self, name)!r}"
                 )
+        if self.pair == "space" and self.model != "space":
+            raise MotionKitError("a recipe's pair comes from a space of styles where its model is 'space' too")
         for name, least in (("noise", 1), ("change", 1), ("chain", 1), ("steps", 1), ("batch", 1), ("rank", 0)):
             value = getattr(self, name)
             if not isinstance(value, int) or isinstance(value, bool) or value < least:
@@ -69,6 +73,11 @@ class Recipe:
     def laptop(cls) -> Recipe:
         """The same parts in a minute on two cores."""
         return cls()
+
+    @classmethod
+    def in_space(cls) -> Recipe:
+        """Find the style in a space of styles, by the reconstruction loss alone: it has no words that it must know."""
+        return cls(model="space", pair="space", weights=(1.0, 0.0), steps=150, batch=1, rate=0.05)
 
 
 ABLATIONS = {  # the rows of paper 1's table 3, each one call: mk.methods.load("few-shot", recipe=ABLATIONS[row])
@@ -117,7 +126,7 @@ class Lesson:
     """What is there to learn from: a style example beside its neutral pair, and contents for the semantic loss.
 
     styled, neutral: features [F, D]. prompt: d^s. style: its words, see `text.style_in`. contents: None where the
-    semantic loss is left out.
+    semantic loss is left out. space: where the style is looked for, see `Recipe`.
     """
 
     prior: Prior
@@ -128,11 +137,12 @@ class Lesson:
     prompt: str
     style: str
     contents: Contents | None = None
+    space: StyleSpace | None = None
 
     @cached_property
     def own_text(self) -> Tensor:
-        """E_text(d^s), [1, E]."""
-        return self.prior.encoder.encode([self.prompt])
+        """E_text(d^s), [1, E]; neutral where a space of styles is told the style otherwise."""
+        return self.prior.encoder.encode([self.prompt if self.space is None else text.to_neutral(self.prompt)])
 
     @cached_property
     def own_noised(self) -> Tensor:
@@ -157,17 +167,22 @@ class Lesson:
         batch: how many contents are drawn, by torch's random numbers.
         """
         chosen = torch.randint(len(self.contents.noised), (batch,))
-        words = self.content_texts[chosen]
-        restyled = self.chain.reverse(lambda x, t: network(x, t, words), self.contents.noised[chosen])[-1]
+        words = heard = self.content_texts[chosen]
+        if self.space is not None:
+            heard = self.prior.encoder.encode([self.contents.captions[n] for n in chosen.tolist()])
+        restyled = self.chain.reverse(lambda x, t: network(x, t, heard), self.contents.noised[chosen])[-1]
         return semantic_loss(self.discriminator.network(restyled), words)
 
 
-def teach(lesson: Lesson, recipe: Recipe, seed: int = 0, **running) -> tuple[Adapter, Run]:
+def teach(lesson: Lesson, recipe: Recipe, seed: int = 0, **running) -> tuple[Adapter | Point, Run]:
     """Fine-tune the lesson's prior on it (paper 1, section 3.4, eq. 12); the prior itself stays as it is.
+
+    A lesson with a space of styles finds a point in it, by the same losses.
 
     running: as in `training.fit`, such as `keep` for a file to go on from, `show` and `title`.
     """
-    adapter = Adapter(lesson.prior.network.eval(), recipe.rank, seed)
+    in_space = lesson.space is not None
+    adapter = Point(lesson.space) if in_space else Adapter(lesson.prior.network.eval(), recipe.rank, seed)
     lesson.discriminator.network.eval().requires_grad_(False)
     schedule = Schedule(recipe.steps, recipe.rate, decay=0.0, seed=seed)
 

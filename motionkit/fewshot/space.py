@@ -110,14 +110,23 @@ def load(name: str = "actor") -> StyleSpace:
     return StyleSpace.load(checkpoints.find(f"{name}-space"), priors.load(name))
 
 
+def found_for(prior: Prior) -> StyleSpace | None:
+    """The shipped space that was made from this very prior, or None."""
+    name = f"{prior.card.get('data')}-space"
+    if name not in checkpoints.names():
+        return None
+    path = checkpoints.find(name)
+    return StyleSpace.load(path, prior) if checkpoints.load(path, "space")[1].get("prior") == prior.key else None
+
+
 class Point(nn.Module):
     """A style as a point of a space: the network as it is, told one code, which alone is learned.
 
-    It has an `Adapter`'s interface, so `teach` finds the point as it trains an adapter. style: where to start; neutral
-    if left out.
+    It has an `Adapter`'s interface, so `teach` finds the point as it trains an adapter; but the sentences that it hears
+    stay neutral. style: where to start; neutral if left out.
     """
 
-    rank = 0
+    rank, hears_style = 0, False
 
     def __init__(self, space: StyleSpace, style: Style | None = None) -> None:
         super().__init__()

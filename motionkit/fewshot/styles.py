@@ -17,19 +17,20 @@ from ..priors import Prior
 from ..sampling import Predict
 from .adapters import Adapter
 from .chain import Chain
+from .space import Point, StyleSpace
 
 
 @dataclass(eq=False)
 class LearnedStyle:
     """What `learn` of the few-shot method gives.
 
-    prior: what was fine-tuned. adapter: its changes. chain: the steps that it was taught on. prompt: of the style
-    example. style: the words of style in it. card: how it was made. neutral: the pair's neutral motion, features
-    [F, D], where it was just learned.
+    prior: what was fine-tuned. adapter: its changes, or the style's place in a space of styles. chain: the steps that
+    it was taught on. prompt: of the style example. style: the words of style in it. card: how it was made. neutral: the
+    pair's neutral motion, features [F, D], where it was just learned.
     """
 
     prior: Prior
-    adapter: Adapter
+    adapter: Adapter | Point
     chain: Chain
     prompt: str
     style: str
@@ -38,7 +39,8 @@ class LearnedStyle:
 
     def __repr__(self) -> str:
         numbers = sum(p.numel() for p in self.adapter.parameters())
-        return f"LearnedStyle({self.style!r}, {numbers / 1000:.0f} thousand numbers beside {self.prior!r})"
+        much = f"{numbers / 1000:.0f} thousand" if numbers >= 1000 else f"{numbers}"
+        return f"LearnedStyle({self.style!r}, {much} numbers beside {self.prior!r})"
 
     @cached_property
     def network(self):
@@ -47,7 +49,8 @@ class LearnedStyle:
 
     def predict(self, caption: str) -> Predict:
         """The changed denoiser with a content's sentence told in this style, for any function of `sampling`."""
-        words = self.prior.encoder.encode([text.to_style(caption, self.style)])
+        told = text.to_style(caption, self.style) if self.adapter.hears_style else text.to_neutral(caption)
+        words = self.prior.encoder.encode([told])
         return lambda x, t: self.network(x, t, words.expand(len(x), -1))
 
     def save(self, path: str | os.PathLike) -> Path:
@@ -59,11 +62,12 @@ class LearnedStyle:
             raise MotionKitError("an autoencoder's style is not kept: it is an ablation, made anew where it is needed")
         tensors = {name: value.detach().half() for name, value in self.adapter.changes.items()}
         card = {"kind": "style", **self.card, "prompt": self.prompt, "style": self.style, "rank": self.adapter.rank}
+        card |= {} if isinstance(self.adapter, Adapter) else {"space": self.adapter.space[0].key}
         return checkpoints.save(path, tensors, card | {"stops": list(self.chain.stops), "prior": self.prior.key})
 
     @classmethod
-    def load(cls, path: str | os.PathLike, prior: Prior) -> LearnedStyle:
-        """From what `save` wrote, for the prior that it was learned with.
+    def load(cls, path: str | os.PathLike, prior: Prior, space: StyleSpace | None = None) -> LearnedStyle:
+        """From what `save` wrote, for the prior, and the space of styles if any, that it was learned with.
 
         Raises MotionKitError if the files are damaged, of another kind, or belong to another prior.
         """
@@ -73,7 +77,11 @@ class LearnedStyle:
                 f"{path}: this style was learned with another prior, whose weights it changes; load it with that one, "
                 "or learn it again from its clip"
             )
-        adapter = Adapter(prior.network, card["rank"])
+        if card.get("space") and (space is None or card["space"] != space.key):
+            raise MotionKitError(
+                f"{path}: this style is a point in another space of styles; learn it again from its clip"
+            )
+        adapter = Point(space) if card.get("space") else Adapter(prior.network, card["rank"])
         checkpoints.load_into(adapter.changes, {name: value.float() for name, value in tensors.items()}, path)
         return cls(prior, adapter, Chain(prior.schedule, tuple(card["stops"])), card["prompt"], card["style"], card)
 

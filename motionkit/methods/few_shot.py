@@ -22,11 +22,13 @@ from ..fewshot import (
     LearnedStyle,
     Lesson,
     Recipe,
+    StyleSpace,
     blended,
     neutral_pair,
     teach,
     with_autoencoder,
 )
+from ..fewshot.space import found_for
 from ..motion import Motion
 from ..pairs import NEUTRAL, NeutralPairs
 from ..priors import Discriminator, Prior
@@ -53,7 +55,9 @@ class FewShot:
 
     prior, discriminator: by the name of the dataset that they learned from, or as objects. library: a labelled Dataset
     with captions, whose neutral clips the semantic loss is taken on; left out, the training part of the prior's
-    dataset. recipe: see `fewshot.Recipe`. seed: of all that is drawn.
+    dataset. recipe: see `fewshot.Recipe`; left out, the style is looked for in the kit's space of styles where the
+    prior has one (`Recipe.in_space()`), or else learned as in the paper (`Recipe.laptop()`). seed: of all that is
+    drawn. space: for `Recipe.in_space()`, one of your own.
 
     >>> import motionkit as mk
     >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
@@ -75,17 +79,27 @@ class FewShot:
         library: Dataset | None = None,
         recipe: Recipe | None = None,
         seed: int = 0,
+        space: StyleSpace | None = None,
     ) -> None:
         self.prior = priors.load(prior) if isinstance(prior, str) else prior
         if discriminator is None and not isinstance(prior, str):
             raise MotionKitError("few-shot: with a prior of your own, give its discriminator too")
         judge = prior if discriminator is None else discriminator
         self.discriminator = priors.load_discriminator(judge) if isinstance(judge, str) else judge
-        self.recipe, self.seed = recipe or Recipe.laptop(), seed
-        self.chain = Direct()
-        if self.recipe.model == "diffusion":
-            self.chain = Chain.like_paper(self.prior.schedule, self.recipe.change, self.recipe.chain)
+        self.space, self.seed = found_for(self.prior) if space is None else space, seed
+        self.recipe = recipe or (Recipe.in_space() if self.space is not None else Recipe.laptop())
         self.fit(library)
+
+    @property
+    def chain(self) -> Chain | Direct:
+        """The steps that motions go forwards and back, as the recipe says."""
+        if self.recipe.model == "autoencoder":
+            return Direct()
+        if self.recipe.model == "diffusion":
+            return Chain.like_paper(self.prior.schedule, self.recipe.change, self.recipe.chain)
+        if self.space is None or self.space.prior.key != self.prior.key:
+            raise MotionKitError("few-shot: there is no space of styles of this prior; give space=, or another recipe")
+        return self.space.chain
 
     def fit(self, train: Dataset | None) -> FewShot:
         """Take neutral contents from this dataset from now on; its clips are read when a style is first learned."""
@@ -97,7 +111,8 @@ class FewShot:
 
     def __getstate__(self) -> dict:
         """What the method is, without what it has worked out or learned so far."""
-        return {name: getattr(self, name) for name in ("prior", "discriminator", "recipe", "seed", "chain", "_library")}
+        kept = ("prior", "discriminator", "recipe", "seed", "space", "_library")
+        return {name: getattr(self, name) for name in kept}
 
     def __setstate__(self, state: dict) -> None:
         self.__dict__.update(state)
@@ -106,7 +121,7 @@ class FewShot:
     def having(self, **changes) -> FewShot:
         """The same method with another recipe, such as `having(change=200)`: prior, library and seed stay."""
         recipe = replace(self.recipe, **changes)
-        other = FewShot(self.prior, self.discriminator, self._library, recipe, self.seed)
+        other = FewShot(self.prior, self.discriminator, self._library, recipe, self.seed, self.space)
         other.__dict__.update({"pairs": self.pairs})
         return other
 
@@ -163,17 +178,18 @@ class FewShot:
             prompt,
             words,
             self._neutral_contents() if wanted else None,
+            self.space if self.recipe.model == "space" else None,
         )
 
     def neutral_of(self, style: Motion, prompt: str, content: str | None = None) -> Tensor:
-        """The neutral motion paired with a clip, features [F, D], as the recipe says: eqs. 7 and 8, or KNN + DTW."""
+        """The neutral motion paired with a clip, features [F, D], as the recipe says: eqs. 7 and 8, for instance."""
         if self.recipe.pair == "knn-dtw":
             return self.prior.encode(self.pairs.neutral_of(style, content))
         return self._neutral(style, prompt)
 
     def load_style(self, path: str | os.PathLike) -> LearnedStyle:
         """A style that was saved; `stylize` uses it from now on. MotionKitError where it does not fit the prior."""
-        self._last = LearnedStyle.load(path, self.taught)
+        self._last = LearnedStyle.load(path, self.taught, self.space)
         return self._last
 
     def stylize(
@@ -296,7 +312,9 @@ class FewShot:
         return self._contents.get("contents", work_out)
 
     def _neutral(self, motion: Motion, caption: str) -> Tensor:
-        """The prior's neutral motion for one in some style, features [F, D] (paper 1, eqs. 7 and 8)."""
+        """The neutral motion for one in some style, features [F, D]: the space's, or paper 1's, eqs. 7 and 8."""
+        if self.recipe.pair == "space":
+            return self.space.neutral(self.prior.encode(motion), caption)
         how = {"noise": self.recipe.noise, "steps": self.recipe.pair_steps, "seed": self.seed}
         return self._pairs.get((key_of(motion), caption), lambda: neutral_pair(self.prior, motion, caption, **how))
 
