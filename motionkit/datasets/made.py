@@ -101,9 +101,9 @@ def items(name: str = "actor", root: str | os.PathLike | None = None) -> list[It
     """The clips of `actor`, `actor-unseen`, `actor-held-back` or `creatures`, nothing made yet; 4 to 8 s at 30 fps.
 
     `actor` has 17 takes of each of 12 contents in 8 styles: 12 to train on, 2 to validate with, 3 to test on, which
-    others perform. `actor-unseen` has 8 (2, 1 and 5) in the 4 styles held back, by the same people; `actor-held-back` as
-    many as `actor` of these and of neutral, so that judges of them can be trained; `creatures` 5 (3, 1 and 1) of all
-    that each can do. root: must be left out. Raises MotionKitError if it is not.
+    others perform. `actor-unseen` has 8 (2, 1 and 5) in the 4 styles held back, by the same people; `actor-held-back`
+    as many as `actor` of these and of neutral, so that judges of them can be trained; `creatures` 5 (3, 1 and 1) of
+    all that each can do. root: must be left out. Raises MotionKitError if it is not.
 
     >>> clips = items("actor")
     >>> clips[0].name, clips[0].labels.texts[0], clips[0].labels.split

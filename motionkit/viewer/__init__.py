@@ -46,6 +46,7 @@ _HOMES = {
     "slide": "diffusion_plots",
     "LossCurve": "loss_curve",
     "PromptBox": "prompt_box",
+    "StyleLesson": "style_lesson",
     "plot_similarity": "text_plots",
     "feature_map": "feature_maps",
     "embed": "feature_maps",

@@ -1,0 +1,146 @@
+"""A style of one's own: a clip goes in, a few-shot method learns its style, and others move in it."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Mapping
+
+import ipywidgets
+
+from .. import bvh
+from ..errors import MotionKitError
+from ..motion import Motion
+from .player import Player
+from .plots import INK, SOFT, Print, few_colours, strip
+
+_TINTS = {"said": SOFT, "error": "#b3261e"}
+_STRENGTHS = (0.0, 0.5, 0.75, 1.0, 1.25, 1.5)
+
+
+class StyleLesson(ipywidgets.HBox):
+    """Controls on the left: a BVH file, a sentence that says what it does and how, *learn*; then what is to be played.
+
+    On the right a player with a content and the same content in the style that was learned last. What is wrong with a
+    clip or a sentence is told under the controls, and what was learned before stays.
+
+    method: of `methods.load("few-shot")`, or anything with its `learn` and `stylize`. contents: by their captions,
+    neutral motions. style, prompt: a clip and its sentence to begin with; left out, nothing is learned yet. Raises
+    MotionKitError if there are no contents, or if the first clip cannot be learned from.
+
+    controls: "file", "prompt", "content" and "strength", name to widget; set their values and it follows; `learn()` is
+    what the button does. `result` is what is shown, `learned` the style, `message` what stands under the controls.
+
+    >>> import motionkit as mk
+    >>> walk, old = (mk.load(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old"))
+    >>> lesson = StyleLesson(mk.methods.load("few-shot"), {"a person walks": walk})
+    >>> lesson.message
+    'give a BVH file of a second or more, and say what it does and how'
+    """
+
+    def __init__(
+        self, method: object, contents: Mapping[str, Motion], style: Motion | None = None, prompt: str = ""
+    ) -> None:
+        if not contents or not all(isinstance(motion, Motion) for motion in contents.values()):
+            raise MotionKitError(f"StyleLesson: expected contents by their captions; found {contents!r:.80}")
+        self._method, self._contents, self._clip = method, dict(contents), style
+        self.learned, self.result, self.message, self._kind = None, None, "", "said"
+        self.controls = _controls(list(self._contents), prompt)
+        self.button = ipywidgets.Button(description="learn", button_style="primary", layout={"width": "110px"})
+        self._text = ipywidgets.HTML(layout={"width": "290px"})
+        self.player = Player(self.content, height=360, labels=["content"], roles=["content"])
+        names = ("file", "prompt")
+        left = [*(self.controls[name] for name in names), self.button, self.controls["content"]]
+        column = ipywidgets.VBox(
+            [*left, self.controls["strength"], self._text], layout={"width": "310px", "padding": "4px 8px 0 0"}
+        )
+        show = ipywidgets.Box([self.player], layout={"flex": "1 1 360px", "min_width": "300px", "display": "block"})
+        super().__init__([column, show], layout={"flex_flow": "row wrap"})
+        self._tell("said", "give a BVH file of a second or more, and say what it does and how")
+        if style is not None:
+            self._learn()
+        self.controls["file"].observe(lambda _: self._read(), "value")
+        for name in ("content", "strength"):
+            self.controls[name].observe(lambda _: self._play(), "value")
+        self.button.on_click(lambda _: self.learn())
+
+    @property
+    def content(self) -> Motion:
+        """The motion that is to be restyled."""
+        return self._contents[self.controls["content"].value]
+
+    def learn(self) -> None:
+        """Learn the style of the clip that was given, and play it."""
+        self.button.disabled, self.button.description = True, "learning ..."
+        try:
+            self._learn()
+        except MotionKitError as error:
+            self._tell("error", str(error))
+        finally:
+            self.button.disabled, self.button.description = False, "learn"
+
+    def _learn(self) -> None:
+        if self._clip is None:
+            raise MotionKitError("no clip was given yet: choose a BVH file first")
+        self.learned = self._method.learn(self._clip, self.controls["prompt"].value, title="")
+        self._tell("said", f"learned {self.learned.style!r} from {self._clip.name!r}, {self._clip.duration:.1f} s")
+        self._play()
+
+    def _read(self) -> None:
+        """Take the file that was chosen."""
+        for file in self.controls["file"].value:
+            try:
+                self._clip = bvh.parse(bytes(file["content"]), file["name"])
+                self._tell("said", f"{self._clip.name}: {self._clip.duration:.1f} s; now say what it does, and how")
+            except MotionKitError as error:
+                self._tell("error", str(error))
+
+    def _play(self) -> None:
+        if self.learned is None:
+            self.player.set_motions(self.content, labels=["content"], roles=["content"])
+            return
+        caption, strength = self.controls["content"].value, self.controls["strength"].value
+        try:
+            self.result = self._method.stylize(self.content, self.learned, strength, caption=caption)
+        except MotionKitError as error:
+            self._tell("error", str(error))
+            return
+        labels = ["content", self.learned.style]
+        self.player.set_motions([self.content, self.result], labels=labels, roles=["content", "result"])
+
+    def _tell(self, kind: str, text: str) -> None:
+        self._kind, self.message = kind, text
+        said = html.escape(text)
+        self._text.value = f'<div style="color: {_TINTS[kind]}; line-height: 1.35; padding-top: 6px">{said}</div>'
+
+    def still(self) -> bytes:
+        """Content, result and message, as the bytes of a PNG."""
+        rows = [self.content] if self.result is None else [self.content, self.result]
+        picture, raw = Print(figsize=(8.6, 1.0 + 1.7 * len(rows)), dpi=100), io.BytesIO()
+        labels = ["content", self.learned.style][: len(rows)] if self.learned else None
+        axes, roles = picture.add_axes((0, 0.12, 1, 0.85)), ["content", "result"][: len(rows)]
+        strip(rows, poses=9, labels=labels, roles=roles, ax=axes)
+        told = self.message if len(self.message) < 130 else f"{self.message[:127]}..."
+        colour = INK if self._kind == "said" else _TINTS["error"]
+        picture.text(0.025, 0.05, told, fontsize=8.5, color=colour, va="center")
+        picture.savefig(raw, format="png", facecolor="white")
+        return few_colours(raw)
+
+    def _repr_mimebundle_(self, **more: object) -> dict:
+        """The live widget, and beside it the picture for pages that run nothing."""
+        bundle = super()._repr_mimebundle_(**more) or {}
+        text = {"image/png": base64.b64encode(self.still()).decode(), "text/plain": "(a style lesson: run this cell)"}
+        return {**bundle, **text}
+
+
+def _controls(captions: list[str], prompt: str) -> dict[str, ipywidgets.Widget]:
+    wide = {"layout": {"width": "300px"}}
+    return {
+        "file": ipywidgets.FileUpload(accept=".bvh", description="a BVH file", layout={"width": "200px"}),
+        "prompt": ipywidgets.Text(value=prompt, placeholder="a person walks like a king", **wide),
+        "content": ipywidgets.Dropdown(options=captions, description="play", **wide),
+        "strength": ipywidgets.SelectionSlider(
+            options=_STRENGTHS, value=1.0, description="strength", continuous_update=False, **wide
+        ),
+    }
