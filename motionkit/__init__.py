@@ -42,6 +42,7 @@ _LAZY = {
     "text": None,
     "retarget": "retargeting",
     "sampling": None,
+    "video": None,
     "viewer": None,
     "exercises": None,
     "training": None,
@@ -79,6 +80,7 @@ __all__ = [
     "scene",
     "strip",
     "training",
+    "video",
     "viewer",
 ]
 

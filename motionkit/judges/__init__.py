@@ -14,7 +14,7 @@ from .. import checkpoints
 from ..errors import MotionKitError
 from .autoencoder import DenoisingAutoencoder, MotionAutoencoder, denoising_loss
 from .classifier import Classifier
-from .recipes import train_autoencoder, train_classifier
+from .recipes import PARTS, train_autoencoder, train_classifier
 
 __all__ = [
     "Classifier",
@@ -49,11 +49,16 @@ def names() -> list[str]:
     """The datasets that `load` has judges of.
 
     >>> names()
-    ['actor', 'bandai-2']
+    ['actor', 'actor-held-back', 'bandai-2']
     """
     there = set(checkpoints.names())
-    found = {name.removesuffix("-content") for name in there if name.endswith("-content")}
-    return sorted(name for name in found if {f"{name}-style", f"{name}-autoencoder"} <= there)
+    found = {name.removesuffix("-style") for name in there if name.endswith("-style")}
+    return sorted(name for name in found if {_home(name, part) for part in PARTS} <= there)
+
+
+def _home(name: str, part: str) -> str:
+    """The checkpoint of a part of a dataset's judge: `actor-held-back` has but styles of its own."""
+    return f"{'actor' if name == 'actor-held-back' and part != 'style' else name}-{part}"
 
 
 @lru_cache(maxsize=4)
@@ -64,5 +69,5 @@ def load(name: str = "actor") -> Judge:
             f"no judge for {name!r}; there are {', '.join(names()) or 'none'}. Train one: python -m motionkit train "
             f"judge --data {name}"
         )
-    content, style = (Classifier.load(checkpoints.find(f"{name}-{label}")) for label in ("content", "style"))
-    return Judge(name, content, style, MotionAutoencoder.load(checkpoints.find(f"{name}-autoencoder")))
+    content, style = (Classifier.load(checkpoints.find(_home(name, label))) for label in ("content", "style"))
+    return Judge(name, content, style, MotionAutoencoder.load(checkpoints.find(_home(name, "autoencoder"))))

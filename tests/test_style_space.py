@@ -1,0 +1,157 @@
+"""A space of styles: invented styles, lessons in them, points, files, and what the shipped one can do."""
+
+import random
+
+import pytest
+import torch
+
+import motionkit as mk
+from motionkit import checkpoints, priors
+from motionkit.actor import SEEN, Style, parameters, perform, retell, style_named
+from motionkit.arena.truths import error_against
+from motionkit.fewshot import Adapter, LearnedStyle, Point, Recipe, StyleSpace, space_recipe
+from motionkit.fewshot import space as spaces
+from motionkit.fewshot.invented import FRAMES, code_of, invented, lessons
+from motionkit.fewshot.space import CODES, CodedDenoiser
+from motionkit.fewshot.space_recipe import misses, train_space
+from motionkit.layers import Denoiser, TransformerConfig
+from motionkit.training import Schedule
+
+
+@pytest.fixture(scope="module")
+def prior():
+    return priors.load("actor")
+
+
+@pytest.fixture(scope="module")
+def known(prior):
+    return lessons(prior, 4, each=2, jobs=1)
+
+
+@pytest.fixture(scope="module")
+def small(prior, known):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(space_recipe, "BATCH", 4)
+        patch.setattr(space_recipe, "_BACK", 1)
+        return train_space(prior, known, Schedule(8, 1e-3, average=0.5), title="")
+
+
+def test_invented_styles_lie_in_their_ranges_and_go_beyond_those_known():
+    made = [invented(random.Random(n)) for n in range(200)]  # a Style checks its ranges itself
+    for key, about in parameters().items():
+        values = torch.tensor([getattr(style, key) for style in made])
+        reach = max(abs(getattr(style_named(style), key) - about.neutral) for style in SEEN)
+        far = (values - about.neutral).abs()
+        assert float(far.median()) <= max(0.5 * reach, 0.25 * (about.high - about.low)) and far.max() > 0
+    assert invented(random.Random(3)) == invented(random.Random(3))
+
+
+def test_a_code_is_the_numbers_and_back(prior):
+    style = style_named("zombie")
+    space = StyleSpace(prior, CodedDenoiser(Denoiser(10, 16, TransformerConfig.tiny())), None)
+    point = Point(space, style)
+    assert point.code.shape == (CODES + 1,) and float(point.code[-1].detach()) == 0
+    assert point.style().values() == pytest.approx(style.values(), abs=1e-5)
+    assert bool((code_of(Style()) == 0).all())
+
+
+def test_lessons_tell_the_same_beat_in_both(prior, known):
+    """Pelvis and feet of both go the same way in time, whoever's time it is; contents come in turn."""
+    assert known.neutral.shape == known.styled.shape == (8, FRAMES, prior.layout.size)
+    assert known.codes.shape == (8, CODES) and len(known.captions) == 8
+    assert known.captions[0] == known.captions[1] != known.captions[2]
+    assert bool((known.neutral != known.styled).any(2).any(1).all())
+    again = lessons(prior, 4, each=2, jobs=1)
+    assert torch.equal(again.styled, known.styled)
+
+
+def test_a_space_starts_at_its_prior_and_learns(prior, known, small):
+    before = misses(StyleSpace(prior, CodedDenoiser(prior.network), small.chain), known)
+    after = misses(small, known)
+    assert after["copied"] == before["copied"]
+    assert after["styled"] < before["styled"] and after["neutral"] < before["neutral"]
+    assert small.card["steps"] == 8 and small.card["lessons"] == 8
+    assert priors.load("actor").network.training is False
+
+
+def test_a_space_is_kept_for_its_prior_alone(prior, small, tmp_path):
+    path = small.save(tmp_path / "actor-space.safetensors")
+    again = StyleSpace.load(path, prior)
+    x, t, words, code = torch.randn(1, 20, prior.layout.size), torch.tensor([9]), torch.zeros(1, 128), torch.ones(1, 38)
+    assert torch.allclose(again.network(x, t, words, code), small.network(x, t, words, code), atol=0.05)
+    assert again.key == small.key and again.chain.stops == small.chain.stops
+    tensors, card = checkpoints.load(path)
+    for change in ({"prior": "other"}, {"codes": ["tempo"]}):
+        checkpoints.save(path, tensors, card | change)
+        with pytest.raises(mk.MotionKitError, match="made from another prior, or by another performer"):
+            StyleSpace.load(path, prior)
+
+
+def test_only_the_code_is_learned_and_kept(prior, small, tmp_path):
+    clip = mk.load("data/actor/walk_old.bvh")
+    recipe = Recipe(model="space", pair="space", weights=(1.0, 0.0), steps=3, rate=0.05)
+    method = mk.methods.load("few-shot", recipe=recipe, space=small)
+    weights = {name: value.clone() for name, value in small.network.state_dict().items()}
+    learned = method.learn(clip, "an old person walks", title="")
+    assert isinstance(learned.adapter, Point) and float(learned.adapter.code.detach().abs().max()) > 0
+    assert all(torch.equal(value, weights[name]) for name, value in small.network.state_dict().items())
+    assert "37 numbers" in repr(learned)
+    walk = mk.load("data/actor/walk_neutral.bvh")
+    out = method.stylize(walk, learned, caption="a person walks")
+    path = learned.save(tmp_path / "old.safetensors")
+    assert path.stat().st_size < 1000
+    back = method.load_style(path)
+    again = method.stylize(walk, back, caption="a person walks")
+    assert float((again.positions() - out.positions()).abs().max()) < 0.02
+    with pytest.raises(mk.MotionKitError, match="a point in another space"):
+        LearnedStyle.load(path, prior)
+
+
+def test_the_semantic_loss_works_in_a_space_too(small, prior):
+    from motionkit.datasets import BvhSource, Item, Labels, of_items
+
+    source = BvhSource.at("data/actor/walk_neutral.bvh")
+    library = of_items("mine", [Item("walk", Labels("walk", "neutral", ("a person is walking",)), source)])
+    recipe = Recipe(model="space", pair="space", steps=2, batch=1, rate=0.05)
+    method = mk.methods.load("few-shot", library=library, recipe=recipe, space=small)
+    assert method.learn(mk.load("data/actor/walk_old.bvh"), "an old person walks", title="").style == "old"
+
+
+def test_recipes_say_what_does_not_fit():
+    with pytest.raises(mk.MotionKitError, match="where its model is 'space' too"):
+        Recipe(pair="space")
+    assert Recipe.in_space().model == Recipe.in_space().pair == "space"
+    assert spaces.found_for(priors.load("bandai-2")) is None
+    method = mk.methods.load("few-shot", prior="bandai-2", recipe=Recipe.in_space())
+    with pytest.raises(mk.MotionKitError, match="no space of styles of this prior"):
+        method.learn(mk.load("data/actor/walk_old.bvh"), "an old person walks")
+
+
+def test_captures_make_no_space():
+    with pytest.raises(mk.MotionKitError, match="learned from the performer"):
+        space_recipe.train_part(type("Set", (), {"name": "bandai-2"}), 1, 0, "")
+
+
+def test_the_shipped_space_is_as_good_as_its_card_says(prior):
+    space = spaces.load("actor")
+    found, wrote = misses(space, lessons(prior, 60, seed=1)), space.card["metrics"]
+    assert all(found[name] == pytest.approx(wrote[name], rel=0.05) for name in wrote)
+    assert found["styled"] < 0.35 * found["copied"] and found["neutral"] < 0.35 * found["copied"]
+
+
+def test_a_style_that_nobody_has_seen_is_carried_over():
+    """From one walk of a zombie to a kick; what is learned is nearer to the performer's own kick than KNN + DTW."""
+    method, style = mk.methods.load("few-shot"), perform("walk", "zombie", seed=3, seconds=4.0)
+    assert method.recipe == Recipe.in_space()
+    kick = perform("kick", "neutral", seed=7, seconds=5.0)
+    answer = retell(kick, "zombie").along(kick)
+    learned = method.learn(style.motion, "a person walks in a zombie-like way", title="")
+    error = error_against(method.stylize(kick.motion, learned, caption="a person kicks"), answer)
+    assert error < 0.5 * error_against(kick.motion, answer)
+    assert learned.adapter.style().arm_forward > 0.6  # held out in front: neutral is 0.02, a zombie's 1.3
+
+
+def test_adapters_still_serve_where_they_are_asked_for():
+    method = mk.methods.load("few-shot", recipe=Recipe(steps=1, weights=(1.0, 0.0), pair_steps=4))
+    learned = method.learn(mk.load("data/actor/walk_old.bvh"), "an old person walks", title="")
+    assert isinstance(learned.adapter, Adapter)
