@@ -85,7 +85,7 @@ def test_having_keeps_all_but_the_recipe(method):
     assert (own.recipe.change, own.prior, own.pairs) == (200, method.prior, method.pairs)
     assert own.chain.stops != method.chain.stops
     again = pickle.loads(pickle.dumps(method))
-    assert again.recipe == method.recipe and again._last is None and "pairs" not in vars(again)
+    assert again.recipe == method.recipe and again.last is None and "pairs" not in vars(again)
 
 
 def test_sweeps_have_figure_8s_ends(method, library):

@@ -107,6 +107,21 @@ def test_only_the_code_is_learned_and_kept(prior, small, tmp_path):
         LearnedStyle.load(path, prior)
 
 
+def test_a_clip_or_a_name_may_stand_for_a_style(small):
+    method = mk.methods.load("few-shot", recipe=Recipe(model="space", pair="space", steps=2, rate=0.05), space=small)
+    method = method.having(weights=(1.0, 0.0))
+    walk, old = (mk.load(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old"))
+    for style, name in (("zombie", "zombie"), ("an old person walks", "old"), (old, "walk_old")):
+        out = method.stylize(walk, style, caption="a person walks")
+        assert out.name == f"walk_neutral as {name}" and len(out) == len(walk)
+    assert torch.equal(method.stylize(walk, old).rotations, method.stylize(walk, method.last).rotations)
+    named = method.stylize(walk, "zombie", caption="a person walks")
+    by_hand = LearnedStyle(small.prior, Point(small, style_named("zombie")), small.chain, "zombie", "zombie")
+    assert torch.equal(named.rotations, method.stylize(walk, by_hand, caption="a person walks").rotations)
+    with pytest.raises(mk.MotionKitError, match="'purple' is no style .* there are neutral, "):
+        method.stylize(walk, "purple")
+
+
 def test_the_semantic_loss_works_in_a_space_too(small, prior):
     from motionkit.datasets import BvhSource, Item, Labels, of_items
 

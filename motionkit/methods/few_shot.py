@@ -28,6 +28,7 @@ from ..fewshot import (
     teach,
     with_autoencoder,
 )
+from ..fewshot.asked import as_styles
 from ..fewshot.space import found_for
 from ..motion import Motion
 from ..pairs import NEUTRAL, NeutralPairs
@@ -104,7 +105,7 @@ class FewShot:
     def fit(self, train: Dataset | None) -> FewShot:
         """Take neutral contents from this dataset from now on; its clips are read when a style is first learned."""
         self._library, self._contents = train, Memory(1)
-        self._learned, self._pairs, self._last = Memory(16), Memory(), None
+        self.learned, self._pairs, self.last = Memory(16), Memory(), None
         for known in ("pairs", "taught"):
             self.__dict__.pop(known, None)
         return self
@@ -157,8 +158,8 @@ class FewShot:
         adapter, run = teach(lesson, self.recipe, self.seed, **running)
         card = {"steps": self.recipe.steps, "seconds": round(run.seconds, 1), "seed": self.seed}
         card |= {"data": self.prior.card.get("data", ""), "licence": self.prior.card.get("licence", "")}
-        self._last = LearnedStyle(self.taught, adapter, self.chain, prompt, lesson.style, card, lesson.neutral)
-        return self._last
+        self.last = LearnedStyle(self.taught, adapter, self.chain, prompt, lesson.style, card, lesson.neutral)
+        return self.last
 
     def lesson(self, style: Motion, prompt: str, content: str | None = None) -> Lesson:
         """What `learn` learns from: the style example's features, its neutral pair, and contents; see `fewshot.Lesson`.
@@ -166,7 +167,7 @@ class FewShot:
         A clip that is longer than the prior's longest motion is cut to its middle. Raises MotionKitError as `learn`.
         """
         words = text.style_in(prompt)
-        clip = self._middle(self._seen(style))
+        clip = self._middle(self.seen(style))
         neutral = self.neutral_of(clip, prompt, content)
         wanted = self.recipe.weights[1] > 0
         return Lesson(
@@ -189,13 +190,13 @@ class FewShot:
 
     def load_style(self, path: str | os.PathLike) -> LearnedStyle:
         """A style that was saved; `stylize` uses it from now on. MotionKitError where it does not fit the prior."""
-        self._last = LearnedStyle.load(path, self.taught, self.space)
-        return self._last
+        self.last = LearnedStyle.load(path, self.taught, self.space)
+        return self.last
 
     def stylize(
         self,
         content: Motion,
-        style: LearnedStyle | Mapping[LearnedStyle, float] | None = None,
+        style: LearnedStyle | Mapping[LearnedStyle, float] | Motion | str | None = None,
         strength: float = 1.0,
         lock: bool = True,
         *,
@@ -205,19 +206,20 @@ class FewShot:
         """The content clip in a style that was learned (paper 1, section 3.5).
 
         content: F frames of any length and frame rate, of a human body. style: of `learn` or `load_style`, the last one
-        if left out; or several with weights, see `fewshot.blended`. strength: 0 keeps the content, 1 is the style, more
-        exaggerates. lock: hold standing feet still. caption: a sentence that says what the content does; left out, the
-        discriminator picks one that the prior knows. content_style: the content's own style; unless it is neutral, or
-        left out, the content is made neutral first. Returns F frames at the content's rate, on its skeleton. Raises
-        MotionKitError where nothing was learned yet, and for arguments that are none of these.
+        if left out; several with weights, see `fewshot.blended`; a clip, learned when it first comes; or in the kit's
+        space of styles a label or a sentence, such as "old", with nothing to learn. strength: 0 keeps the content, 1 is
+        the style, more exaggerates. lock: hold standing feet still. caption: a sentence that says what the content
+        does; left out, the discriminator picks one that the prior knows. content_style: the content's own style; unless
+        it is neutral, or left out, the content is made neutral first. Returns F frames at the content's rate, on its
+        skeleton. Raises MotionKitError where nothing was learned yet, and for arguments that are none of these.
         """
         check_clips(self.name, content, content, strength)
-        styles = self._styles(style)
-        what = " + ".join(one.style for one in styles)
+        styles = as_styles(self, style)
+        what = style.name if isinstance(style, Motion) else " + ".join(one.style for one in styles)
         if strength == 0:
             return content.replace(name=named(content, what))
         given = body_of(content)
-        seen = self._seen(given)
+        seen = self.seen(given)
         caption = text.to_neutral(self.caption_of(seen) if caption is None else caption)
         x = self.prior.encode(seen)
         if content_style is not None and content_style not in NEUTRAL:
@@ -250,7 +252,7 @@ class FewShot:
         feet still. Returns F frames on the motion's skeleton.
         """
         given = body_of(motion)
-        seen = self._seen(given)
+        seen = self.seen(given)
         x = self._neutral(seen, caption)
         body = self._decoded(x, self.prior.encode(seen), seen, given)
         body = in_step(body, given) if warp else body
@@ -267,26 +269,12 @@ class FewShot:
         """`stylize` for labelled clips with captions, as the arena asks: the style is learned when it first comes."""
         if style.style in NEUTRAL:
             return self.neutral_motion(content.motion, content.text, warp=True)
-        learned = self._learned.get(
+        learned = self.learned.get(
             key_of(style.motion), lambda: self.learn(style.motion, style.text, content=style.content, title="")
         )
         return self.stylize(content.motion, learned, caption=content.text, content_style=content.style)
 
-    def _styles(self, style: object) -> dict[LearnedStyle, float]:
-        style = self._last if style is None else style
-        if style is None:
-            raise MotionKitError("few-shot: no style was learned yet; first method.learn(clip, 'an old person walks')")
-        styles = dict(style) if isinstance(style, Mapping) else {style: 1.0}
-        if not styles or not all(isinstance(one, LearnedStyle) for one in styles):
-            hint = ""
-            if isinstance(style, Motion | str):
-                hint = ": method.learn(clip, 'an old person walks'), or on the command line, motionkit learn"
-            raise MotionKitError(f"few-shot takes styles that it has learned{hint}; found {style!r}")
-        if any(one.prior.key != self.taught.key for one in styles):
-            raise MotionKitError("few-shot: this style was learned with another prior; learn it with this one")
-        return styles
-
-    def _seen(self, motion: Motion) -> Motion:
+    def seen(self, motion: Motion) -> Motion:
         """A motion as the prior sees it: its skeleton and frame rate. MotionKitError where it cannot be."""
         body, wanted = body_of(motion), self.prior.layout.skeleton
         if not body.skeleton.same_tree(wanted):
