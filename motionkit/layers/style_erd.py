@@ -1,0 +1,170 @@
+"""Paper 2's network, Style-ERD: an encoder, residual recurrent branches with learned beginnings, a decoder."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from ..errors import MotionKitError
+
+
+@dataclass(frozen=True)
+class ErdConfig:
+    """Sizes. encoder, decoder: of the hidden layers; latent: of z and of every LSTM; neutral, style: LSTMs in a branch.
+
+    `paper()` is paper 2, supplement A: an encoder of (64, 32), 6 LSTM layers for the neutral branch and 4 for each
+    style, a decoder of (58, 86, 128, 184), ReLU between. The paper does not say how the last of these becomes
+    quaternions and velocities; here a linear layer follows. Raises MotionKitError for sizes below 1.
+
+    >>> ErdConfig.paper().neutral
+    6
+    """
+
+    encoder: tuple[int, ...] = (64,)
+    latent: int = 32
+    neutral: int = 6
+    style: int = 4
+    decoder: tuple[int, ...] = (58, 86, 128, 184)
+
+    def __post_init__(self) -> None:
+        sizes = (*self.encoder, self.latent, self.neutral, self.style, *self.decoder)
+        if not all(isinstance(size, int) and size >= 1 for size in sizes) or self.style > self.neutral:
+            raise MotionKitError(f"sizes are whole numbers from 1, and no style branch is deeper than neutral; {self}")
+
+    @classmethod
+    def paper(cls) -> ErdConfig:
+        """As published."""
+        return cls()
+
+    @classmethod
+    def tiny(cls) -> ErdConfig:
+        """For tests."""
+        return cls((8,), 6, 2, 1, (8, 8))
+
+
+@dataclass(frozen=True, eq=False)
+class ErdState:
+    """What a stream remembers: hidden and cell states of neutral [B, 1, L, H] and of styles [B, S - 1, M, H].
+
+    All style branches go on listening, so that another style, or a mix, can be chosen at any frame without a jump.
+    """
+
+    neutral: tuple[Tensor, Tensor]
+    styles: tuple[Tensor, Tensor]
+
+
+class Branches(nn.Module):
+    """N stacks of LSTM layers side by side, each with weights and a learned beginning of its own.
+
+    beginnings: how many each stack has to choose from, such as one for each content.
+
+    >>> stacks = Branches(count=3, layers=2, size=4, beginnings=1)
+    >>> z = torch.randn(2, 5, 4)
+    >>> out, state = stacks(z, stacks.begin(torch.zeros(2, dtype=torch.long)))
+    >>> out.shape, state[0].shape
+    (torch.Size([2, 5, 3, 4]), torch.Size([2, 3, 2, 4]))
+    """
+
+    def __init__(self, count: int, layers: int, size: int, beginnings: int) -> None:
+        super().__init__()
+        reach = 1 / math.sqrt(size)  # PyTorch's default for LSTMs, as in paper 2, supplement A
+        shape = (layers, count, 4 * size)
+        self.into = nn.Parameter(torch.empty(*shape, size).uniform_(-reach, reach))
+        self.over = nn.Parameter(torch.empty(*shape, size).uniform_(-reach, reach))
+        self.bias = nn.Parameter(torch.empty(*shape).uniform_(-reach, reach))
+        self.hidden, self.cell = (nn.Parameter(torch.zeros(beginnings, count, layers, size)) for _ in range(2))
+
+    def begin(self, chosen: Tensor) -> tuple[Tensor, Tensor]:
+        """The learned states to begin with, [B, N, L, H] each; chosen: long [B], which beginning."""
+        return self.hidden[chosen], self.cell[chosen]
+
+    def forward(self, z: Tensor, state: tuple[Tensor, Tensor]) -> tuple[Tensor, tuple[Tensor, Tensor]]:
+        """z: [B, F, H], the same for all stacks. Returns [B, F, N, H] and the state after the last frame."""
+        x = z[:, :, None].expand(-1, -1, self.into.shape[1], -1)
+        hidden, cell = [], []
+        for layer in range(len(self.into)):
+            x, (h, c) = self._layer(layer, x, state[0][:, :, layer], state[1][:, :, layer])
+            hidden.append(h)
+            cell.append(c)
+        return x, (torch.stack(hidden, 2), torch.stack(cell, 2))
+
+    def _layer(self, layer: int, x: Tensor, h: Tensor, c: Tensor) -> tuple[Tensor, tuple[Tensor, Tensor]]:
+        """One layer of all stacks over all frames; x [B, F, N, H]."""
+        seen = torch.einsum("bfnh,ngh->fbng", x, self.into[layer]) + self.bias[layer]
+        over, found = self.over[layer].mT, []  # [N, H, 4H]
+        for own in seen:  # frame by frame
+            gates = own + torch.einsum("bnh,nhg->bng", h, over)
+            take, forget, new, give = gates.chunk(4, -1)
+            c = torch.sigmoid(forget) * c + torch.sigmoid(take) * torch.tanh(new)
+            h = torch.sigmoid(give) * torch.tanh(c)
+            found.append(h)
+        return torch.stack(found, 1), (h, c)
+
+
+class StyleErd(nn.Module):
+    """Paper 2's generator (section 3.1): encoder, neutral branch plus the target style's residual, decoder.
+
+    joints: J. contents, styles: how many labels there are, n_C and n_S, the neutral style with the number 0. learned:
+    whether the branches' beginnings are learned (table 1's last row has zeros).
+
+    >>> net = StyleErd(joints=5, contents=3, styles=4, config=ErdConfig.tiny())
+    >>> x, content, style = torch.randn(2, 24, 50), torch.tensor([0, 2]), torch.tensor([0, 1])
+    >>> out, state = net(x, content, style, net.weights_of(torch.tensor([3, 1])))
+    >>> out.shape
+    torch.Size([2, 24, 35])
+    """
+
+    def __init__(
+        self, joints: int, contents: int, styles: int, config: ErdConfig | None = None, learned: bool = True
+    ) -> None:
+        super().__init__()
+        self.config = config = config or ErdConfig.paper()
+        self.joints, self.contents, self.styles = joints, contents, styles
+        self.encoder = _mlp(10 * joints + styles + contents, config.encoder, config.latent, last=True)
+        self.neutral = Branches(1, config.neutral, config.latent, contents)
+        self.residual = Branches(styles - 1, config.style, config.latent, 1)
+        self.decoder = _mlp(config.latent + styles, config.decoder, 7 * joints)
+        if not learned:
+            for branch in (self.neutral, self.residual):
+                branch.hidden.requires_grad_(False)
+                branch.cell.requires_grad_(False)
+
+    def weights_of(self, style: Tensor, strength: float = 1.0) -> Tensor:
+        """How much of each style is wanted [B, S], for one style each, long [B]; see `forward`."""
+        return strength * nn.functional.one_hot(style, self.styles).float()
+
+    def begin(self, content: Tensor) -> ErdState:
+        """The states before the first frame, of learned beginnings (paper 2, section 3.1); content: long [B]."""
+        return ErdState(self.neutral.begin(content), self.residual.begin(torch.zeros_like(content)))
+
+    def forward(
+        self, x: Tensor, content: Tensor, style: Tensor, wanted: Tensor, state: ErdState | None = None
+    ) -> tuple[Tensor, ErdState]:
+        """Frames x [B, F, 10J] whose labels are content and style, long [B], to [B, F, 7J] in the styles wanted.
+
+        wanted: [B, S] or [B, F, S], how much of each style; one 1 is that style, less is a weaker one, two that add up
+        to 1 are a mix: z' = r_0(z) + sum alpha r_s(z) (paper 2, section 4.4). Of the neutral style nothing is added.
+        state: after earlier frames; left out, the learned beginning. Returns quaternions, not yet of length 1, and
+        velocities; and the state after the last frame.
+        """
+        state = self.begin(content) if state is None else state
+        frames, one_hot = x.shape[1], nn.functional.one_hot
+        told = torch.cat((one_hot(style, self.styles), one_hot(content, self.contents)), 1).to(x)
+        told = told[:, None].expand(-1, frames, -1)
+        wanted = wanted if wanted.ndim == 3 else wanted[:, None].expand(-1, frames, -1)
+        z = self.encoder(torch.cat((x, told), 2))
+        base, neutral = self.neutral(z, state.neutral)
+        extra, styles = self.residual(z, state.styles)
+        mixed = base[:, :, 0] + torch.einsum("bfs,bfsh->bfh", wanted[..., 1:], extra)
+        return self.decoder(torch.cat((mixed, wanted), 2)), ErdState(neutral, styles)
+
+
+def _mlp(inside: int, hidden: tuple[int, ...], outside: int, last: bool = False) -> nn.Sequential:
+    """Linear layers with ReLU between, and after the last one if asked for."""
+    sizes, parts = (inside, *hidden, outside), []
+    for a, b in zip(sizes, sizes[1:]):
+        parts += [nn.Linear(a, b), nn.ReLU()]
+    return nn.Sequential(*(parts if last else parts[:-1]))
