@@ -92,7 +92,8 @@ class _Learner:
         """On the device that there is; mixed precision (bfloat16) on a GPU."""
         cpu = _on_cpu()
         accelerator = Accelerator(mixed_precision="no" if cpu or not torch.cuda.is_available() else "bf16", cpu=cpu)
-        optimizer = torch.optim.AdamW(model.parameters(), schedule.rate, weight_decay=schedule.decay)
+        groups = getattr(model, "parameter_groups", model.parameters)()
+        optimizer = torch.optim.AdamW(groups, schedule.rate, weight_decay=schedule.decay)
         wrapped, optimizer = accelerator.prepare(model, optimizer)
 
         def keep_some(means: list[Tensor], now: list[Tensor], count: Tensor) -> None:
@@ -170,6 +171,9 @@ def fit(
 ) -> Run:
     """Train a model in place; returns its `Run`. What is on a GPU while it trains comes back to where it was.
 
+    A model with `parameter_groups()`, as torch's optimizers take them, says itself what is trained; `share` in a group
+    is its part of the rate.
+
     loss_of: the loss of step n, of the model that it is given (call that one: several processes find each other's
     gradients through it). torch's random numbers are seeded anew for every step and process, so a resumed run gives the
     losses of an unbroken one, and n processes see n batches a step. keep: a file for the state of the run, written
@@ -231,7 +235,7 @@ def _step(learner: _Learner, loss_of: Callable, step: int) -> float:
     learner.undo = [value.clone() for value in learner.buffers()]
     seed_batch(learner.schedule, step, learner.accelerator.process_index)
     for group in learner.optimizer.param_groups:
-        group["lr"] = learner.schedule.rate_at(step)
+        group["lr"] = learner.schedule.rate_at(step) * group.get("share", 1.0)
     learner.optimizer.zero_grad()
     with learner.accelerator.autocast():
         loss = loss_of(learner.model, step)

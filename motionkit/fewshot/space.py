@@ -49,7 +49,7 @@ class CodedDenoiser(nn.Module):
 
 @dataclass(eq=False)
 class StyleSpace:
-    """What `python -m motionkit train space` makes; `mk.methods.load("few-shot")` looks for styles in it.
+    """What `python -m motionkit train space` makes, beyond paper 1; `mk.methods.load("few-shot")` finds styles in it.
 
     prior: what takes motions forwards. network: what takes them back. chain: the steps that it was taught on.
     """

@@ -36,7 +36,7 @@ class ErdConfig:
 
     @classmethod
     def paper(cls) -> ErdConfig:
-        """As published."""
+        """As published (paper 2, supplement A)."""
         return cls()
 
     @classmethod
@@ -133,7 +133,7 @@ class StyleErd(nn.Module):
                 branch.cell.requires_grad_(False)
 
     def weights_of(self, style: Tensor, strength: float = 1.0) -> Tensor:
-        """How much of each style is wanted [B, S], for one style each, long [B]; see `forward`."""
+        """How much of each style `forward` is to add [B, S], for one style each, long [B] (paper 2, section 4.4)."""
         return strength * nn.functional.one_hot(style, self.styles).float()
 
     def begin(self, content: Tensor) -> ErdState:
@@ -150,16 +150,26 @@ class StyleErd(nn.Module):
         state: after earlier frames; left out, the learned beginning. Returns quaternions, not yet of length 1, and
         velocities; and the state after the last frame.
         """
+        heard, state = self.listen(x, content, style, state)
+        return self.say(heard, wanted), state
+
+    def listen(
+        self, x: Tensor, content: Tensor, style: Tensor, state: ErdState | None = None
+    ) -> tuple[Tensor, ErdState]:
+        """What all branches make of the frames, [B, F, S, H], neutral first; whatever style is wanted later."""
         state = self.begin(content) if state is None else state
-        frames, one_hot = x.shape[1], nn.functional.one_hot
+        one_hot = nn.functional.one_hot
         told = torch.cat((one_hot(style, self.styles), one_hot(content, self.contents)), 1).to(x)
-        told = told[:, None].expand(-1, frames, -1)
-        wanted = wanted if wanted.ndim == 3 else wanted[:, None].expand(-1, frames, -1)
-        z = self.encoder(torch.cat((x, told), 2))
+        z = self.encoder(torch.cat((x, told[:, None].expand(-1, x.shape[1], -1)), 2))
         base, neutral = self.neutral(z, state.neutral)
         extra, styles = self.residual(z, state.styles)
-        mixed = base[:, :, 0] + torch.einsum("bfs,bfsh->bfh", wanted[..., 1:], extra)
-        return self.decoder(torch.cat((mixed, wanted), 2)), ErdState(neutral, styles)
+        return torch.cat((base, extra), 2), ErdState(neutral, styles)
+
+    def say(self, heard: Tensor, wanted: Tensor) -> Tensor:
+        """The decoder's answer in the styles wanted, [B, F, 7J]; heard: of `listen`."""
+        wanted = wanted if wanted.ndim == 3 else wanted[:, None].expand(-1, heard.shape[1], -1)
+        mixed = heard[:, :, 0] + torch.einsum("bfs,bfsh->bfh", wanted[..., 1:], heard[:, :, 1:])
+        return self.decoder(torch.cat((mixed, wanted), 2))
 
 
 def _mlp(inside: int, hidden: tuple[int, ...], outside: int, last: bool = False) -> nn.Sequential:

@@ -1,0 +1,235 @@
+"""How Style-ERD is trained (paper 2, section 3.2 and supplement A): generator and critic in one loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import torch
+from torch import Tensor, nn
+from torch.func import functional_call
+
+from ..datasets import Dataset
+from ..errors import MotionKitError
+from ..layers import ContentNet, ErdConfig, FtAttCritic, MultiClassCritic, StyleErd
+from ..layers.critics import WINDOW
+from ..pairs import NEUTRAL
+from ..restyling import body_of
+from ..skeleton import Skeleton
+from ..training import Run, Schedule, fit
+from .frames import frames_of, lowest_foot, placed_positions, split
+from .losses import (
+    adversarial_loss,
+    critic_loss,
+    critic_total,
+    generator_total,
+    gradient_penalty,
+    perceptual_loss,
+    rebuilding_loss,
+)
+
+STRIDE = WINDOW - 4  # windows overlap by 4 frames (paper 2, section 4.1)
+
+
+@dataclass(frozen=True)
+class ErdRecipe:
+    """How it is trained. steps, batch, rate: of the generator; slower: the critic's rate over it.
+
+    adversarial, perceptual, attention, beginnings: false leaves that part out (table 1). fps: of the windows. `paper()`
+    is as published, `laptop()` learns in under 90 minutes on two cores.
+    """
+
+    config: ErdConfig = ErdConfig()
+    steps: int = 20000
+    batch: int = 16
+    rate: float = 1e-4
+    slower: float = 0.5
+    fps: float = 60.0
+    adversarial: bool = True
+    perceptual: bool = True
+    attention: bool = True
+    beginnings: bool = True
+
+    @classmethod
+    def paper(cls, windows: int = 10000) -> ErdRecipe:
+        """Paper 2, supplement A: 2,000 epochs, batch 16, rates 0.0001 and 0.00005; windows: how many there are."""
+        return cls(steps=2000 * -(-windows // 16))
+
+    @classmethod
+    def laptop(cls) -> ErdRecipe:
+        """The same parts and sizes, larger batches and rates."""
+        return cls(batch=64, rate=1e-3)
+
+
+_FULL = ErdRecipe.laptop()
+ABLATIONS = {  # the rows of paper 2's table 1, each one call
+    "ours": _FULL,
+    "L_gen = L_rec": replace(_FULL, adversarial=False, perceptual=False),
+    "L_gen = L_rec + L_adv": replace(_FULL, perceptual=False),
+    "L_gen = L_rec + L_per": replace(_FULL, adversarial=False),
+    "without attention": replace(_FULL, attention=False),
+    "without learned beginnings": replace(_FULL, beginnings=False),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Windows of a labelled dataset, of WINDOW frames each.
+
+    x: [N, F, 10J]; offsets: [N, J, 3] of each body; content, style: long [N], the neutral style 0.
+    """
+
+    x: Tensor
+    offsets: Tensor
+    content: Tensor
+    style: Tensor
+    contents: tuple[str, ...]
+    styles: tuple[str, ...]
+
+    @classmethod
+    def of(cls, data: Dataset, fps: float) -> Pieces:
+        """All windows of all clips; MotionKitError where no style is neutral, or no clip is long enough."""
+        plain = [style for style in data.styles if style in NEUTRAL]
+        if not plain:
+            raise MotionKitError(f"Style-ERD needs a neutral style; dataset {data.name!r} has {', '.join(data.styles)}")
+        styles = (*plain[:1], *(style for style in data.styles if style not in plain))
+        rows: list[tuple] = []
+        for clip in data:
+            motion = body_of(clip.motion if abs(clip.motion.fps - fps) < 1e-3 else clip.motion.resample(fps))
+            x = frames_of(motion).x
+            labels = data.contents.index(clip.content), styles.index(clip.style)
+            for start in range(0, len(x) - WINDOW + 1, STRIDE):
+                rows.append((x[start : start + WINDOW], motion.translations[0], *labels))
+        if not rows:
+            raise MotionKitError(f"no clip of {data.name!r} has {WINDOW} frames at {fps:g} a second")
+        x, offsets, content, style = zip(*rows)
+        x = torch.stack(x)
+        x[:, 0, -3 * offsets[0].shape[0] :] = 0  # nothing is known before a window's first frame
+        return cls(x, torch.stack(offsets), torch.tensor(content), torch.tensor(style), tuple(data.contents), styles)
+
+    def members(self) -> dict[tuple[int, int], Tensor]:
+        """The windows of every content and style."""
+        found: dict[tuple[int, int], list[int]] = {}
+        for n, kind in enumerate(zip(self.content.tolist(), self.style.tolist())):
+            found.setdefault(kind, []).append(n)
+        return {kind: torch.tensor(own) for kind, own in found.items()}
+
+
+class Pair(nn.Module):
+    """Generator and critic side by side, so that one loop trains both, the critic at a rate of its own."""
+
+    def __init__(self, generator: StyleErd, critic: nn.Module, slower: float) -> None:
+        super().__init__()
+        self.generator, self.critic, self.slower = generator, critic, slower
+
+    def parameter_groups(self) -> list[dict]:
+        """For `training.fit`: what is trained, and at which share of the rate."""
+        mine = [weight for weight in self.generator.parameters() if weight.requires_grad]
+        return [{"params": mine, "share": 1.0}, {"params": list(self.critic.parameters()), "share": self.slower}]
+
+    def judged(self, seen: Tensor, style: Tensor, content: Tensor) -> Tensor:
+        """The critic's answers, by which the generator learns and the critic does not."""
+        fixed = {name: weight.detach() for name, weight in self.critic.named_parameters()}
+        return functional_call(self.critic, fixed, (seen, style, content))
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """All that a step of training needs: windows, the skeleton that they are on, the content network, the recipe."""
+
+    pieces: Pieces
+    skeleton: Skeleton
+    contents: ContentNet
+    recipe: ErdRecipe
+
+    def draw(self) -> tuple[Tensor, Tensor]:
+        """Windows by chance, long [B], and the style that each is to be told in, long [B] (paper 2, section 3.2).
+
+        Neutral ones go to any other style that has this content, styled ones to neutral.
+        """
+        chosen = torch.randint(len(self.pieces.x), (self.recipe.batch,))
+        wanted = []
+        for content, style in zip(self.pieces.content[chosen].tolist(), self.pieces.style[chosen].tolist()):
+            others = [s for c, s in self.members if c == content and s != 0]
+            wanted.append(others[int(torch.rand(()) * len(others))] if style == 0 and others else 0)
+        return chosen, torch.tensor(wanted)
+
+    @cached_property
+    def members(self) -> dict[tuple[int, int], Tensor]:
+        """See `Pieces.members`."""
+        return self.pieces.members()
+
+    def real(self, content: Tensor, style: Tensor) -> Tensor:
+        """For each content and style a real window by chance, [B, F, 6J]: the paired motion, not in step with it."""
+        own = [self.members[kind] for kind in zip(content.tolist(), style.tolist())]
+        rows = torch.stack([kind[int(torch.rand(()) * len(kind))] for kind in own])
+        return self.pieces.x[rows][..., 4 * len(self.skeleton) :]
+
+    def loss(self, pair: Pair) -> Tensor:
+        """One step's loss of both, eqs. 8 and 9 of paper 2 together: neither's gradient reaches the other."""
+        recipe, joints = self.recipe, len(self.skeleton)
+        chosen, target = self.draw()
+        x, offsets = self.pieces.x[chosen], self.pieces.offsets[chosen][:, None]
+        content, style = self.pieces.content[chosen], self.pieces.style[chosen]
+        came = _parts(x, joints)
+        low = lowest_foot(self.skeleton, came[1])
+        net = pair.generator
+        heard, _ = net.listen(x, content, style)
+        rebuilt, told = (split(net.say(heard, net.weights_of(own))) for own in (style, target))
+        again, made = (placed_positions(self.skeleton, offsets, turns, low) for turns, _ in (rebuilt, told))
+        rebuilding = rebuilding_loss((came[0], rebuilt[0]), (came[1], again), (came[2], rebuilt[1]))
+        fake = torch.cat((made.flatten(2), told[1].flatten(2)), 2)
+        nothing = x.new_zeros(())
+        adversarial = adversarial_loss(pair.judged(fake, target, content)) if recipe.adversarial else nothing
+        perceptual = nothing
+        if recipe.perceptual:
+            after = torch.cat((told[0].flatten(2), fake), 2)
+            perceptual = perceptual_loss(self.contents(x)[1], self.contents(after)[1])
+        total = generator_total(rebuilding, adversarial, perceptual)
+        if not recipe.adversarial:
+            return total
+        real = self.real(content, target).clone().requires_grad_()
+        answers = pair.critic(real, target, content)
+        critic = critic_loss(answers, pair.critic(fake.detach(), target, content))
+        return total + critic_total(critic, gradient_penalty(answers, real))
+
+
+def _parts(x: Tensor, joints: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Frames [..., 10J] as quaternions [..., J, 4], positions and velocities [..., J, 3]."""
+    turns, places, speeds = x.split((4 * joints, 3 * joints, 3 * joints), -1)
+    return turns.unflatten(-1, (joints, 4)), places.unflatten(-1, (joints, 3)), speeds.unflatten(-1, (joints, 3))
+
+
+def train_contents(pieces: Pieces, joints: int, steps: int = 600, seed: int = 0, **running) -> ContentNet:
+    """Paper 2's content network (section 3.1), a classifier of windows; frozen afterwards."""
+    torch.manual_seed(seed)
+    net = ContentNet(joints, len(pieces.contents))
+
+    def loss_of(model: nn.Module, step: int) -> Tensor:
+        chosen = torch.randint(len(pieces.x), (64,))
+        return nn.functional.cross_entropy(model(pieces.x[chosen])[0], pieces.content[chosen])
+
+    running.setdefault("title", "contents")
+    fit(net, loss_of, Schedule(steps, 1e-3, seed=seed), **running)
+    return net.requires_grad_(False)
+
+
+def train_erd(
+    data: Dataset, recipe: ErdRecipe | None = None, seed: int = 0, contents: ContentNet | None = None, **running
+) -> tuple[StyleErd, Run, Pieces]:
+    """Train Style-ERD on all clips of a labelled dataset (paper 2, section 3.2): the generator, its run, its windows.
+
+    contents: a content network that is there already. running: as in `training.fit`. Raises MotionKitError where no
+    style is neutral.
+    """
+    recipe = recipe or ErdRecipe.laptop()
+    pieces, skeleton = Pieces.of(data, recipe.fps), body_of(data[0].motion).skeleton
+    joints, counts = len(skeleton), (len(pieces.contents), len(pieces.styles))
+    contents = contents if contents is not None else train_contents(pieces, joints, seed=seed)
+    torch.manual_seed(seed)
+    critic = (FtAttCritic if recipe.attention else MultiClassCritic)(joints, *counts)
+    pair = Pair(StyleErd(joints, *counts, recipe.config, recipe.beginnings), critic, recipe.slower)
+    course = Course(pieces, skeleton, contents.eval(), recipe)
+    schedule = Schedule(recipe.steps, recipe.rate, decay=0.0, clip=1e6, seed=seed, average=0.995)
+    run = fit(pair, lambda model, step: course.loss(model), schedule, **running)
+    return pair.generator.eval(), run, pieces

@@ -1,0 +1,109 @@
+"""How Style-ERD learns: windows, whom a window is told as, two networks in one loop that do not disturb each other."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+import motionkit as mk
+from motionkit import erd
+from motionkit.datasets import BvhSource, Item, Labels, of_items
+from motionkit.erd import recipe as recipes
+from motionkit.erd.recipe import ABLATIONS, Course, ErdRecipe, Pair, Pieces, train_contents, train_erd
+from motionkit.layers import ErdConfig, FtAttCritic, MultiClassCritic, StyleErd
+
+SMALL = ErdRecipe(ErdConfig.tiny(), steps=4, batch=6, rate=1e-3, fps=30.0)
+
+
+@pytest.fixture(scope="module")
+def data():
+    kinds = [("walk", "neutral"), ("walk", "old"), ("walk", "proud"), ("jump", "neutral")]
+    paths = [(f"data/actor/{content}_{style}.bvh", content, style) for content, style in kinds]
+    return of_items("mine", [Item(path[11:-4], Labels(c, s, ()), BvhSource.at(path)) for path, c, s in paths])
+
+
+@pytest.fixture(scope="module")
+def course(data):
+    pieces = Pieces.of(data, 30.0)
+    return Course(pieces, data[0].motion.skeleton, train_contents(pieces, 22, steps=2, title=""), SMALL)
+
+
+@pytest.fixture
+def pair(course):
+    torch.manual_seed(0)
+    counts = len(course.pieces.contents), len(course.pieces.styles)
+    return Pair(StyleErd(22, *counts, SMALL.config), FtAttCritic(22, *counts), 0.5)
+
+
+def test_windows_are_as_the_paper_cuts_them(data, course):
+    pieces = course.pieces
+    assert pieces.styles[0] == "neutral" and set(pieces.styles) == {"neutral", "old", "proud"}
+    frames = [len(clip) for clip in data]
+    assert len(pieces.x) == sum((n - 24) // 20 + 1 for n in frames) and pieces.x.shape[1:] == (24, 220)
+    assert torch.equal(pieces.x[0, 20:, :154], pieces.x[1, :4, :154])  # they overlap by four frames
+    assert not pieces.x[:, 0, 154:].any() and pieces.x[:, 1, 154:].any()
+    with pytest.raises(mk.MotionKitError, match="needs a neutral style"):
+        Pieces.of(data.filter(style="old"), 30.0)
+
+
+def test_neutral_goes_to_any_style_that_its_content_has_and_styles_to_neutral(course):
+    torch.manual_seed(0)
+    seen = set()
+    for _ in range(40):
+        chosen, wanted = course.draw()
+        kinds = [(course.pieces.contents[c], course.pieces.styles[s]) for c, s in
+                 zip(course.pieces.content[chosen].tolist(), course.pieces.style[chosen].tolist())]  # fmt: skip
+        seen |= {(*kind, course.pieces.styles[w]) for kind, w in zip(kinds, wanted.tolist())}
+    assert seen == {("walk", "neutral", "old"), ("walk", "neutral", "proud"), ("walk", "old", "neutral"),
+                    ("walk", "proud", "neutral"), ("jump", "neutral", "neutral")}  # fmt: skip
+
+
+def test_neither_network_learns_from_the_others_loss(course, pair):
+    torch.manual_seed(1)
+    both = {}
+    for name, changed in (("all", SMALL), ("rec", replace(SMALL, adversarial=False, perceptual=False))):
+        pair.zero_grad()
+        torch.manual_seed(1)
+        Course(course.pieces, course.skeleton, course.contents, changed).loss(pair).backward()
+        both[name] = {key: None if w.grad is None else w.grad.clone() for key, w in pair.named_parameters()}
+    assert all(grad is None for key, grad in both["rec"].items() if key.startswith("critic"))
+    pair.zero_grad()
+    x, none = torch.randn(2, 24, 132), torch.zeros(2, dtype=torch.long)
+    erd.adversarial_loss(pair.judged(x, none, none)).sum()
+    assert all(w.grad is None for w in pair.critic.parameters())
+    assert any(float((both["all"][key] - both["rec"][key]).abs().max()) > 0 for key in both["all"] if "decoder" in key)
+    assert any(float(grad.abs().max()) > 0 for key, grad in both["all"].items() if key.startswith("critic"))
+
+
+def test_the_critic_has_a_rate_of_its_own(course, pair):
+    from motionkit.training import Schedule, fit
+
+    before = {key: value.clone() for key, value in pair.state_dict().items()}
+    fit(pair, lambda model, step: course.loss(model), Schedule(1, 1e-3, decay=0.0, clip=1e6), title="")
+    moved = {key: float((value - before[key]).abs().max()) for key, value in pair.state_dict().items()}
+    # Adam's first step is as long as the rate
+    assert max(v for k, v in moved.items() if k.startswith("critic")) == pytest.approx(5e-4, rel=0.01)
+    assert max(v for k, v in moved.items() if k.startswith("generator")) == pytest.approx(1e-3, rel=0.01)
+
+
+def test_table_1_has_its_rows_and_each_leaves_out_its_part(data, course, monkeypatch):
+    full = ErdRecipe.laptop()
+    assert list(ABLATIONS) == [
+        "ours", "L_gen = L_rec", "L_gen = L_rec + L_adv", "L_gen = L_rec + L_per", "without attention",
+        "without learned beginnings",
+    ]  # fmt: skip
+    assert ABLATIONS["ours"] == full and ABLATIONS["L_gen = L_rec + L_adv"] == replace(full, perceptual=False)
+    made = []
+    for cls in (FtAttCritic, MultiClassCritic):
+        monkeypatch.setattr(recipes, cls.__name__, lambda *a, cls=cls: made.append(cls) or cls(*a))
+    for changes in ({}, {"attention": False}, {"beginnings": False}):
+        net, run, pieces = train_erd(data, replace(SMALL, **changes), contents=course.contents, title="")
+        assert len(run.losses) == 4 and not net.training
+        assert bool(net.neutral.hidden.any()) is changes.get("beginnings", True)
+    assert made == [FtAttCritic, MultiClassCritic, FtAttCritic]
+
+
+def test_rebuilding_is_learned(data, course):
+    recipe = replace(SMALL, steps=60, rate=1e-2, adversarial=False, perceptual=False)
+    _, run, _ = train_erd(data, recipe, contents=course.contents, title="")
+    assert sum(run.losses[-5:]) < 0.6 * sum(run.losses[:5])
