@@ -1,0 +1,85 @@
+"""A trained Style-ERD with all that it must know beside its weights."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from .. import checkpoints
+from ..errors import MotionKitError
+from ..layers import ErdConfig, StyleErd
+from ..skeleton import Skeleton
+from .fast import FastErd
+from .quick_body import QuickBody
+
+
+@dataclass(eq=False)
+class ErdModel:
+    """A trained Style-ERD: its network, the labels that it knows (the neutral style first), its skeleton and rate."""
+
+    network: StyleErd
+    contents: tuple[str, ...]
+    styles: tuple[str, ...]
+    skeleton: Skeleton
+    fps: float
+    card: dict = field(default_factory=dict, repr=False)
+
+    def __repr__(self) -> str:
+        return f"ErdModel({len(self.contents)} contents, {len(self.styles)} styles, {self.fps:g} fps)"
+
+    @cached_property
+    def fast(self) -> FastErd:
+        """The network's quick step."""
+        return FastErd(self.network)
+
+    @cached_property
+    def body(self) -> QuickBody:
+        """The skeleton's quick kinematics."""
+        return QuickBody(self.skeleton)
+
+    def number(self, what: str, label: str) -> int:
+        """Of a `content` or a `style`; MotionKitError names the nearest."""
+        known = self.contents if what == "content" else self.styles
+        if label not in known:
+            near = difflib.get_close_matches(str(label), known, 1, 0.4)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise MotionKitError(f"style-erd knows no {what} {label!r}; {hint}It knows {', '.join(known)}")
+        return known.index(label)
+
+    def wanted(self, style: str | Mapping[str, float], strength: float = 1.0) -> np.ndarray:
+        """How much of each style, [S], from a name or a mix such as {"old": 0.5, "proud": 0.5} (paper 2, section 4.4).
+
+        What a mix leaves of 1 is neutral. Raises MotionKitError for unknown styles and numbers that are not finite.
+        """
+        mix, found = {style: 1.0} if isinstance(style, str) else dict(style), np.zeros(len(self.styles), np.float32)
+        for name, share in mix.items():
+            if not isinstance(share, int | float) or not math.isfinite(share * strength):
+                raise MotionKitError(f"the share of style {name!r} must be a finite number; found {share!r}")
+            found[self.number("style", name)] += share * strength
+        return found
+
+    def save(self, path: str | os.PathLike) -> Path:
+        """Weights and card, see `checkpoints.save`; 32 bits, since errors would add up from frame to frame."""
+        card = {"kind": "style-erd", **self.card, "config": asdict(self.network.config), "fps": self.fps}
+        card |= {"contents": list(self.contents), "styles": list(self.styles)}
+        card["skeleton"] = checkpoints.skeleton_card(self.skeleton)
+        return checkpoints.save(path, self.network.state_dict(), card)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> ErdModel:
+        """From what `save` wrote; MotionKitError if the files are damaged, of another kind or of other sizes."""
+        tensors, card = checkpoints.load(path, "style-erd")
+        config = checkpoints.config_of(path, card, ErdConfig)
+        config = ErdConfig(tuple(config.encoder), config.latent, config.neutral, config.style, tuple(config.decoder))
+        skeleton = checkpoints.skeleton_of(card["skeleton"])
+        contents, styles = tuple(card["contents"]), tuple(card["styles"])
+        network = StyleErd(len(skeleton), len(contents), len(styles), config).eval()
+        checkpoints.load_into(network, tensors, path)
+        return cls(network.requires_grad_(False), contents, styles, skeleton, card["fps"], card)

@@ -1,0 +1,186 @@
+"""Live: one frame in, one frame out, while style, strength and mix are changed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+from ..errors import MotionKitError
+from ..motion import Motion
+from ..restyling import body_of
+from .frames import TENTH
+from .model import ErdModel
+from .quick_body import turned, yawed
+
+
+class ErdStream:
+    """B streams through a model at once, each with its own state: call it with one frame of each.
+
+    model: trained. style: a name, or a mix; strength: how much of it; both may be set at any frame and count from the
+    next one on: `stream.style = "old"`, or a list with one for each stream. content, own_style: labels of what comes
+    in, which may change too. count: B.
+
+    `held`: how many frames in a row were not finite numbers, for each stream; then the last good one was taken again.
+    `extrapolated`: whether more than all or less than nothing of a style is asked for.
+    """
+
+    def __init__(
+        self,
+        model: ErdModel,
+        style: object = "neutral",
+        strength: object = 1.0,
+        *,
+        content: object = None,
+        own_style: object = "neutral",
+        count: int = 1,
+    ) -> None:
+        self.model, self.count, self._strength, self._style = model, count, 1.0, None
+        self.content = model.contents[0] if content is None else content
+        self.own_style = model.styles[0] if own_style == "neutral" else own_style
+        self._strength = strength
+        self.style = style
+        self.held, self._like = np.zeros(count, int), None
+        self._state, self._before, self._path = None, None, None
+
+    @property
+    def style(self) -> object:
+        """What is wanted, as it was given."""
+        return self._style
+
+    @style.setter
+    def style(self, style: object) -> None:
+        name = self.model.styles[0]
+        given = [{name: 1.0} if one == "neutral" else one for one in self._each(style)]
+        strengths = self._each(self._strength)
+        self._wanted = np.stack([self.model.wanted(one, s) for one, s in zip(given, strengths, strict=True)])
+        self._style = style
+
+    @property
+    def strength(self) -> object:
+        """How much of the style: 0 is neutral, 1 all of it."""
+        return self._strength
+
+    @strength.setter
+    def strength(self, strength: object) -> None:
+        before, self._strength = self._strength, strength
+        try:
+            self.style = self._style
+        except (MotionKitError, TypeError) as error:
+            self._strength = before
+            raise MotionKitError(f"strength must be a finite number; found {strength!r}") from error
+
+    @property
+    def content(self) -> object:
+        """The label of what comes in."""
+        return self._content
+
+    @content.setter
+    def content(self, content: object) -> None:
+        self._contents = np.array([self.model.number("content", one) for one in self._each(content)])
+        self._content = content
+
+    @property
+    def own_style(self) -> object:
+        """The style of what comes in."""
+        return self._own
+
+    @own_style.setter
+    def own_style(self, style: object) -> None:
+        self._owns = np.array([self.model.number("style", one) for one in self._each(style)])
+        self._own = style
+
+    @property
+    def extrapolated(self) -> bool:
+        """Whether a style is asked for beyond what was learned from."""
+        others = self._wanted[:, 1:]
+        return bool((others < 0).any() or (others.sum(1) > 1 + 1e-6).any())
+
+    def __call__(self, frames: Motion | Sequence[Motion]) -> Motion | list[Motion]:
+        """The next frame of every stream, each a Motion of one frame; as many come back.
+
+        Raises MotionKitError where skeleton, joints or frame rate are not the model's, or change midway.
+        """
+        several = [frames] if isinstance(frames, Motion) else list(frames)
+        bodies = [self._checked(one) for one in several]
+        if len(several) != self.count:
+            raise MotionKitError(f"this stream takes {self.count} frames at a time; found {len(several)}")
+        turns, moves = (torch.cat(part).numpy() for part in zip(*((b.rotations, b.translations) for b in bodies)))
+        turns, root = self.push(turns, moves)
+        made = []
+        for n, (motion, body) in enumerate(zip(several, bodies)):
+            translations = body.translations.clone()
+            translations[0, 0] = torch.from_numpy(root[n])
+            rotations = torch.from_numpy(turns[n : n + 1])
+            made.append(motion.with_body(body.replace(rotations=rotations, translations=translations)))
+        return made[0] if isinstance(frames, Motion) else made
+
+    def push(self, turns: np.ndarray, translations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same in numbers: local quaternions [B, J, 4] and translations [B, J, 3], the root's in the world.
+
+        Returns quaternions [B, J, 4] and the root's places [B, 3].
+        """
+        turns, translations = self._good(np.float32(turns), np.float32(translations))
+        body, count = self.model.body, self.count
+        places = body.places(turns, translations)
+        yaw, ground = body.facing(places), places[:, 0] * np.float32([1, 0, 1])
+        gap = (self._gap / self.model.fps * TENTH)[:, None, None]
+        moved = np.zeros_like(places) if self._before is None else (places - self._before) / gap
+        local, speed = turned(-yaw, places - ground[:, None]), turned(-yaw, moved)
+        own = turns.copy()
+        own[:, 0] = yawed(-yaw, turns[:, 0])
+        own *= np.where(own[..., :1] < 0, np.float32(-1), np.float32(1))
+        x = np.concatenate([part.reshape(count, -1) for part in (own, local, speed)], 1, dtype=np.float32)
+        if self._state is None:
+            self._state, self._path = self.model.fast.begin(self._contents), ground
+        y, self._state = self.model.fast.step(x, self._contents, self._owns, self._wanted, self._state)
+        made, root = self._placed(y, translations, yaw, body.lowest(local))
+        self._before = places
+        return made, root
+
+    def _placed(self, y: np.ndarray, translations: np.ndarray, yaw: np.ndarray, low: np.ndarray) -> tuple:
+        """The network's answer [B, 7J] in the world: quaternions and the root's places."""
+        joints, body = translations.shape[1], self.model.body
+        made = y[:, : 4 * joints].reshape(self.count, joints, 4)
+        made = made / np.linalg.norm(made, axis=-1, keepdims=True)
+        lying = translations.copy()
+        lying[:, 0] = 0
+        height = low - body.lowest(body.places(made, lying))
+        if self._before is not None:
+            step = y[:, None, 4 * joints : 4 * joints + 3] * np.float32([1, 0, 1]) * np.float32(TENTH / self.model.fps)
+            self._path = self._path + turned(yaw, step)[:, 0]
+        root = self._path.copy()
+        root[:, 1] = height
+        made[:, 0] = yawed(yaw, made[:, 0])
+        return made.astype(np.float32), root.astype(np.float32)
+
+    def _good(self, turns: np.ndarray, translations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Frames that are not finite replaced by the last good ones; how many frames lie between counts for speeds."""
+        fine = np.isfinite(turns).all((1, 2)) & np.isfinite(translations).all((1, 2))
+        self._gap = np.where(fine, self.held + 1, 1).astype(np.float32)
+        if not fine.all():
+            if self._like is None:
+                raise MotionKitError("a stream's first frame holds numbers that are not finite; begin with a whole one")
+            pick = fine[:, None, None]
+            turns, translations = np.where(pick, turns, self._like[0]), np.where(pick, translations, self._like[1])
+        self.held = np.where(fine, 0, self.held + 1)
+        self._like = turns, translations
+        return turns, translations
+
+    def _each(self, value: object) -> list:
+        return list(value) if isinstance(value, list | tuple | np.ndarray) else [value] * self.count
+
+    def _checked(self, frame: Motion) -> Motion:
+        if not isinstance(frame, Motion) or len(frame) != 1:
+            raise MotionKitError(f"a stream takes one frame at a time, such as motion[n : n + 1]; found {frame!r:.60}")
+        body, model = body_of(frame), self.model
+        if body.skeleton.names != model.skeleton.names or body.skeleton.parents != model.skeleton.parents:
+            odd = next((a for a, b in zip(body.skeleton.names, model.skeleton.names) if a != b), "another tree")
+            raise MotionKitError(
+                f"the stream's frames stand on another skeleton than the model's, or on its joints in another order "
+                f"(first at {odd!r}); bring them on it first, mk.retarget(motion, like)"
+            )
+        if abs(frame.fps - model.fps) > 1e-3:
+            raise MotionKitError(f"this model takes {model.fps:g} frames a second; found {frame.fps:g}: resample first")
+        return body

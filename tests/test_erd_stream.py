@@ -1,0 +1,153 @@
+"""Streams: what whole clips give, one frame at a time; labels and wishes that change; frames that are broken."""
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+import motionkit as mk
+from motionkit.actor import perform
+from motionkit.erd.frames import frames_of, motion_from, split
+from motionkit.erd.model import ErdModel
+from motionkit.erd.quick_body import QuickBody
+from motionkit.erd.stream import ErdStream
+from motionkit.layers import ErdConfig, StyleErd
+
+STYLES, CONTENTS = ("neutral", "old", "proud"), ("walk", "jump")
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return perform("walk", "neutral", seed=2, seconds=2.0).motion
+
+
+@pytest.fixture(scope="module")
+def model(walk):
+    torch.manual_seed(0)
+    net = StyleErd(22, len(CONTENTS), len(STYLES), ErdConfig.tiny()).eval()
+    with torch.no_grad():
+        for branch in (net.neutral, net.residual):
+            nn.init.normal_(branch.hidden)
+        net.decoder[-1].bias[:88:4] += 2  # somewhere near rest
+    return ErdModel(net, CONTENTS, STYLES, walk.skeleton, 30.0)
+
+
+def whole(model, motion, wanted, content="walk", own="neutral"):
+    """The clip at once, by the network itself."""
+    seen, labels = frames_of(motion), (torch.tensor([CONTENTS.index(content)]), torch.tensor([STYLES.index(own)]))
+    with torch.no_grad():
+        y = model.network(seen.x[None], *labels, torch.as_tensor(wanted)[None])[0][0]
+    return motion_from(motion, seen, *split(y))
+
+
+def run(stream, motion):
+    return torch.cat(
+        [stream(motion[n : n + 1]).positions() for n in range(len(motion))]
+    )  # fmt: skip
+
+
+def test_quick_kinematics_and_facing(walk):
+    turned = walk.moved(2.5)
+    body, places = QuickBody(walk.skeleton), turned.positions()
+    assert np.abs(body.places(turned.rotations.numpy(), turned.translations.numpy()) - places.numpy()).max() < 1e-5
+    gap = torch.from_numpy(body.facing(places.numpy())) - turned.facing()
+    assert float(torch.sin(gap).abs().max()) < 1e-5 and float(torch.cos(gap).min()) > 0.99
+
+
+def test_one_frame_at_a_time_is_the_clip_at_once(model, walk):
+    stream = ErdStream(model, "old", content="walk")
+    assert float((run(stream, walk) - whole(model, walk, model.wanted("old")).positions()).abs().max()) < 1e-4
+
+
+def test_many_streams_do_not_disturb_each_other(model, walk):
+    other = perform("walk", "proud", seed=5, seconds=2.0, performer=9).motion
+    labels = {"content": ["walk", "jump"], "own_style": ["neutral", "proud"]}
+    stream = ErdStream(model, ["old", {"proud": 0.5}], [1.0, 1.5], **labels, count=2)
+    made = [stream([walk[n : n + 1], other[n : n + 1]]) for n in range(60)]
+    for k, wanted in enumerate((whole(model, walk, model.wanted("old")),
+                                whole(model, other, model.wanted({"proud": 0.75}), "jump", "proud"))):  # fmt: skip
+        assert float((torch.cat([pair[k].positions() for pair in made]) - wanted.positions()).abs().max()) < 1e-4
+
+
+def test_wishes_may_change_at_any_frame(model, walk):
+    stream, made = ErdStream(model, "old"), []
+    for n in range(60):
+        if n == 20:
+            stream.style = {"old": 0.5, "proud": 0.5}
+        if n == 40:
+            stream.style, stream.strength = "proud", 0.25
+        made.append(stream(walk[n : n + 1]).positions())
+    wanted = np.concatenate([np.tile(model.wanted(one), (20, 1)) for one in
+                             ("old", {"old": 0.5, "proud": 0.5}, {"proud": 0.25})])  # fmt: skip
+    assert float((torch.cat(made) - whole(model, walk, wanted).positions()).abs().max()) < 1e-4
+
+
+def test_a_dial_beyond_its_ends_is_marked(model):
+    stream = ErdStream(model, "old")
+    assert not stream.extrapolated
+    for style, strength, beyond in (("old", 1.5, True), ("old", -0.2, True), ({"old": 0.7, "proud": 0.3}, 1, False),
+                                    ({"old": 0.7, "proud": 0.7}, 1, True), ("neutral", 3.0, False)):  # fmt: skip
+        stream.style, stream.strength = style, strength
+        assert stream.extrapolated is beyond, (style, strength)
+
+
+def test_broken_frames_are_held_and_leave_no_trace(model, walk):
+    stream = ErdStream(model, "old")
+    fine = torch.cat([stream(walk[n : n + 1]).positions() for n in range(60)])
+    stream, made, held = ErdStream(model, "old"), [], []
+    for n in range(60):
+        frame = walk[n : n + 1]
+        if 20 <= n < 23:
+            turns = frame.rotations.clone()
+            turns[0, 5] = float("nan")
+            object.__setattr__(frame, "rotations", turns)  # a Motion refuses such numbers; a live source does not ask
+        made.append(stream(frame).positions())
+        held.append(int(stream.held[0]))
+    assert held[19:25] == [0, 1, 2, 3, 0, 0]
+    made = torch.cat(made)
+    assert bool(made.isfinite().all()) and float((made[50:] - fine[50:]).diff(dim=0).abs().max()) < 0.02
+    speed = made.diff(dim=0).norm(dim=-1).amax(1)
+    assert float(speed[22]) < 6 * float(fine.diff(dim=0).norm(dim=-1).amax(1).max())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: m.resample(60)[:1], "takes 30 frames a second; found 60"),
+        (lambda m: m[:2], "one frame at a time"),
+        (lambda m: "frame", "one frame at a time"),
+        (lambda m: mk.load("data/actor/dog_trot_neutral.bvh")[:1], "another skeleton"),
+        (lambda m: mk.load("data/actor/walk_old.bvh")[:1], r"joints in another order \(first at"),
+    ],
+)
+def test_other_frames_midway_are_refused_and_the_stream_goes_on(model, walk, change, message):
+    stream = ErdStream(model, "old")
+    before = [stream(walk[n : n + 1]) for n in range(5)]
+    with pytest.raises(mk.MotionKitError, match=message):
+        stream(change(walk))
+    again = ErdStream(model, "old")
+    wanted = [again(walk[n : n + 1]) for n in range(6)]
+    assert torch.equal(stream(walk[5:6]).rotations, wanted[5].rotations) and len(before) == 5
+
+
+def test_unknown_names_and_numbers_change_nothing(model, walk):
+    stream = ErdStream(model, "old")
+    for wrong, message in (("odl", "did you mean 'old'"), ({"old": float("nan")}, "finite number")):
+        with pytest.raises(mk.MotionKitError, match=message):
+            stream.style = wrong
+    with pytest.raises(mk.MotionKitError, match="finite number; found 'x'"):
+        stream.strength = "x"
+    with pytest.raises(mk.MotionKitError, match="knows no content 'swim'"):
+        stream.content = "swim"
+    with pytest.raises(mk.MotionKitError, match="2 frames at a time; found 1|takes 2"):
+        ErdStream(model, "old", count=2)(walk[:1])
+    assert (stream.style, stream.strength, stream.content) == ("old", 1.0, "walk")
+    assert torch.equal(stream(walk[:1]).rotations, ErdStream(model, "old")(walk[:1]).rotations)
+
+
+def test_a_model_is_kept_with_its_labels(model, walk, tmp_path):
+    again = ErdModel.load(model.save(tmp_path / "erd.safetensors"))
+    assert (again.contents, again.styles, again.fps) == (CONTENTS, STYLES, 30.0)
+    assert again.network.config == model.network.config and again.skeleton.same_tree(model.skeleton)
+    a, b = (ErdStream(one, "old")(walk[:1]).rotations for one in (model, again))
+    assert torch.equal(a, b)
