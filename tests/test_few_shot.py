@@ -223,7 +223,7 @@ def test_blending_is_a_weighted_sum_and_the_rest_is_the_prior(styles, prior):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"pair": "magic"}, "pair comes from"),
+        ({"pair": "magic"}, "recipe.s pair is .prior. or"),
         ({"steps": 0}, "steps is a whole number from 1"),
         ({"rank": -1}, "rank is a whole number from 0"),
         ({"weights": (1.0, -0.1)}, "two weights"),

@@ -25,6 +25,7 @@ from .chain import Chain
 from .invented import code_of
 
 CODES = len(parameters())
+_NEAR = 0.15  # of half a range: how far from neutral half of a style's numbers lie
 
 
 class CodedDenoiser(nn.Module):
@@ -141,6 +142,13 @@ class Point(nn.Module):
     def forward(self, x: Tensor, t: Tensor, text: Tensor, mask: Tensor | None = None) -> Tensor:
         """As `layers.Denoiser.forward`."""
         return self.space[0].network(x, t, text, self.code.expand(len(x), -1), mask)
+
+    def unlikely(self) -> Tensor:
+        """How unlikely such a style is: most numbers are neutral, a few far from it (minus log of a Cauchy density).
+
+        Without it numbers that one clip says nothing of would wander off.
+        """
+        return torch.log1p((self.changes["code"] / _NEAR) ** 2).mean()
 
     def frozen(self) -> Callable[..., Tensor]:
         """As `Adapter.frozen`."""

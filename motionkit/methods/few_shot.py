@@ -136,7 +136,7 @@ class FewShot:
     @cached_property
     def taught(self) -> Prior:
         """What is fine-tuned: the prior, or the autoencoder in its place, which then learns first (table 3)."""
-        if self.recipe.model == "diffusion":
+        if self.recipe.model != "autoencoder":
             return self.prior
         return with_autoencoder(self.prior, self.pairs.library, seed=self.seed)
 
@@ -166,14 +166,14 @@ class FewShot:
 
         A clip that is longer than the prior's longest motion is cut to its middle. Raises MotionKitError as `learn`.
         """
-        words = text.style_in(prompt)
+        words, chain = text.style_in(prompt), self.chain
         clip = self._middle(self.seen(style))
         neutral = self.neutral_of(clip, prompt, content)
         wanted = self.recipe.weights[1] > 0
         return Lesson(
             self.taught,
             self.discriminator,
-            self.chain,
+            chain,
             self.prior.encode(clip),
             neutral,
             prompt,
