@@ -45,10 +45,15 @@ TARGETS = {
         "single_frame_depressed_tired": 60,
     },
     "few-shot": {
+        "learn_in_space_seconds": 180,
         "learn_seconds": 180,
         "restyle_seconds": 0.3,
         "style_file_mb": 1,
         "paper_size_seconds": 0.4,
+        "held_back_error_knn_ratio": 0.7,
+        "held_back_error_statistics_ratio": 0.7,
+        "held_back_cra_over_best": 1,
+        "held_back_sra_over_best": 1,
         "bandai_cra": 93.41,
         "bandai_sra": 60.11,
         "sra_without_semantic_ratio": 0.5,
@@ -116,3 +121,15 @@ def test_the_diffusion_tables_hold_both_datasets_and_every_sampler():
     for size in ("paper", "laptop"):  # guidance asks the network twice
         once, twice = (row["seconds"] for row in tables["speed"] if row["size"] == size)
         assert once < twice
+
+
+def test_the_few_shot_tables_have_all_rows_of_the_paper():
+    tables = result("few-shot")["tables"]
+    rows = {row["method"]: row for row in tables["table_3"]}
+    assert set(rows) == {*mk.fewshot.ABLATIONS, "statistics", "real"}
+    assert [row["method"] for row in tables["table_2"]] == ["few-shot", "KNN + DTW"]
+    assert [row["g"] for row in tables["figure_8_g"]] == [700, 800, 900, 950, 1000]
+    assert len(tables["figure_8_k"]) == 5
+    held = {row["method"]: row for row in tables["held_back"]}
+    assert set(held) == {"few-shot", "few-shot, adapter", "told the numbers", *mk.methods.BASELINES, "real"}
+    assert held["told the numbers"]["truth_error"] < held["few-shot"]["truth_error"]  # the bound is one
