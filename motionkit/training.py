@@ -171,16 +171,13 @@ def fit(
 ) -> Run:
     """Train a model in place; returns its `Run`. What is on a GPU while it trains comes back to where it was.
 
-    A model with `parameter_groups()`, as torch's optimizers take them, says itself what is trained; `share` in a group
-    is its part of the rate.
-
-    loss_of: the loss of step n, of the model that it is given (call that one: several processes find each other's
-    gradients through it). torch's random numbers are seeded anew for every step and process, so a resumed run gives the
-    losses of an unbroken one, and n processes see n batches a step. keep: a file for the state of the run, written
-    every `every` seconds; if it is there already, the run goes on from it; it is removed at the end. show: called after
-    each step with its number and loss. batch_of: says what is in the batch of a step, for messages. Raises
-    MotionKitError for a loss or gradient that is not finite (the state before that step is kept, as it is when Ctrl-C
-    stops it), or a kept state of another model.
+    model: its `parameter_groups()`, if any, says what is trained, each with its `share` of the rate. loss_of: the loss
+    of step n, of the model that it is given (call that one: several processes find each other's gradients through it).
+    torch's random numbers are seeded anew for every step and process, so a resumed run gives the losses of an unbroken
+    one, and n processes see n batches a step. keep: a file for the state of the run, written every `every` seconds; if
+    it is there already, the run goes on from it; it is removed at the end. show: called after each step with its number
+    and loss. batch_of: says what is in the batch of a step, for messages. Raises MotionKitError for a loss or gradient
+    that is not finite (the state before that step is kept, as when Ctrl-C stops it), or a kept state of another model.
 
     >>> line = nn.Linear(1, 1)
     >>> def miss(model, step):
