@@ -16,6 +16,7 @@ from .errors import MotionKitError
 from .files import MotionKitWarning
 
 _JUDGES, _PRIORS = ("content", "style", "autoencoder"), ("prior", "discriminator", "text")  # what `train` makes
+_SPACES = ("space", "reader")
 _UNIT_HELP = "metres in one unit of the file (0.01 for centimetres); guessed from the skeleton's size if left out"
 
 
@@ -86,8 +87,8 @@ def _add_learn(commands: argparse._SubParsersAction) -> None:
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
     train = commands.add_parser("train", help="train on a dataset, and write weights with a card")
-    about = "judge: content, style and autoencoder; space: of styles, for few-shot"
-    train.add_argument("what", choices=["judge", *_JUDGES, *_PRIORS, "space"], help=about)
+    about = "judge: content, style and autoencoder; space and reader: of styles, for few-shot"
+    train.add_argument("what", choices=["judge", *_JUDGES, *_PRIORS, *_SPACES], help=about)
     train.add_argument("--data", default="actor", help=f"one of: {', '.join(datasets.names())}")
     train.add_argument("--root", help="the folder or zip of the captures, where the dataset needs one")
     train.add_argument("--config", default="laptop", choices=["tiny", "laptop", "paper"], help="the network's size")
@@ -101,7 +102,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
 def _train(args: argparse.Namespace) -> None:
     from .training import in_main
 
-    data, judged = datasets.load(args.data, args.root), args.what not in (*_PRIORS, "space")
+    data, judged = datasets.load(args.data, args.root), args.what not in (*_PRIORS, *_SPACES)
     for part in _JUDGES if args.what == "judge" else [args.what]:
         command = f"python -m motionkit train {part} --data {args.data} --config {args.config} --seed {args.seed}"
         command += f" --steps {args.steps}" if args.steps else ""
@@ -113,10 +114,11 @@ def _train(args: argparse.Namespace) -> None:
             from .layers import StGcnConfig
 
             path = train_part(part, data, getattr(StGcnConfig, args.config)(), args.steps, args.seed, command)
-        elif part == "space":
-            from .fewshot.space_recipe import train_part
+        elif part in _SPACES:
+            from .fewshot import space_recipe
 
-            path = train_part(data, args.steps, args.seed, command)
+            make = space_recipe.train_part if part == "space" else space_recipe.train_reader_part
+            path = make(data, args.steps, args.seed, command)
         else:
             from .layers import TransformerConfig
             from .priors.commands import train_part

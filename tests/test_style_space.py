@@ -13,7 +13,7 @@ from motionkit.fewshot import Adapter, LearnedStyle, Point, Recipe, StyleSpace, 
 from motionkit.fewshot import space as spaces
 from motionkit.fewshot.invented import FRAMES, code_of, invented, lessons
 from motionkit.fewshot.space import CODES, CodedDenoiser
-from motionkit.fewshot.space_recipe import misses, train_space
+from motionkit.fewshot.space_recipe import misread, misses, train_reader, train_space
 from motionkit.layers import Denoiser, TransformerConfig
 from motionkit.training import Schedule
 
@@ -87,6 +87,35 @@ def test_a_space_is_kept_for_its_prior_alone(prior, small, tmp_path):
             StyleSpace.load(path, prior)
 
 
+def test_a_reader_guesses_codes_and_belongs_to_its_space(prior, known, small, tmp_path):
+    other = StyleSpace(prior, small.network, small.chain)
+    assert not other.read(known.styled[0].float()).any()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(space_recipe, "READER_BATCH", 4)
+        card = train_reader(other, known, Schedule(60, 1e-3, average=0.9), title="")
+    errors = misread(other, known)
+    assert errors["read"] < 0.7 * errors["guessed"] and card["lessons"] == 8
+    long = torch.cat((known.styled[0], known.styled[0])).float()  # the middle is read
+    assert other.read(long).shape == (CODES,)
+    path = other.save_reader(tmp_path / "actor-reader.safetensors", card)
+    again = StyleSpace(prior, small.network, small.chain).load_reader(path)
+    assert torch.allclose(again.read(long), other.read(long), atol=0.01)
+    elsewhere = StyleSpace(prior, CodedDenoiser(prior.network), small.chain)
+    with pytest.raises(mk.MotionKitError, match="belongs to another space"):
+        elsewhere.load_reader(path)
+
+
+def test_learning_starts_from_what_is_read_and_stays_near(small):
+    start = torch.full((CODES,), 0.3)
+    point = Point(small, start)
+    assert torch.equal(point.code[:-1], start) and float(point.unlikely().detach()) == 0
+    far, farther = (Point(small, start) for _ in range(2))
+    with torch.no_grad():
+        far.changes["code"] += 0.1
+        farther.changes["code"] += 0.5
+    assert 0 < float(far.unlikely().detach()) < float(farther.unlikely().detach())
+
+
 def test_only_the_code_is_learned_and_kept(prior, small, tmp_path):
     clip = mk.load("data/actor/walk_old.bvh")
     recipe = Recipe(model="space", pair="space", weights=(1.0, 0.0), steps=3, rate=0.05)
@@ -152,6 +181,7 @@ def test_the_shipped_space_is_as_good_as_its_card_says(prior):
     found, wrote = misses(space, lessons(prior, 60, seed=1)), space.card["metrics"]
     assert all(found[name] == pytest.approx(wrote[name], rel=0.05) for name in wrote)
     assert found["styled"] < 0.35 * found["copied"] and found["neutral"] < 0.35 * found["copied"]
+    assert space.reader is None and spaces.found_for(prior).reader is None  # none is shipped: see the README there
 
 
 def test_a_style_that_nobody_has_seen_is_carried_over():

@@ -183,7 +183,10 @@ def teach(lesson: Lesson, recipe: Recipe, seed: int = 0, **running) -> tuple[Ada
     running: as in `training.fit`, such as `keep` for a file to go on from, `show` and `title`.
     """
     in_space = lesson.space is not None
-    adapter = Point(lesson.space) if in_space else Adapter(lesson.prior.network.eval(), recipe.rank, seed)
+    if in_space:
+        adapter = Point(lesson.space, lesson.space.read(lesson.styled))
+    else:
+        adapter = Adapter(lesson.prior.network.eval(), recipe.rank, seed)
     lesson.discriminator.network.eval().requires_grad_(False)
     schedule = Schedule(recipe.steps, recipe.rate, decay=0.0, seed=seed)
 

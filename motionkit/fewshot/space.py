@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from .. import checkpoints, priors, text
 from ..actor import Style, parameters
 from ..errors import MotionKitError
-from ..layers import Denoiser, TransformerConfig
+from ..layers import Denoiser, SemanticEncoder, TransformerConfig
 from ..priors import Prior
 from .chain import Chain
 from .invented import code_of
@@ -52,12 +52,14 @@ class CodedDenoiser(nn.Module):
 class StyleSpace:
     """What `python -m motionkit train space` makes, beyond paper 1; `mk.methods.load("few-shot")` finds styles in it.
 
-    prior: what takes motions forwards. network: what takes them back. chain: the steps that it was taught on.
+    prior: what takes motions forwards. network: what takes them back. chain: the steps that it was taught on. reader:
+    what reads a code off a styled motion; without one a style is looked for from neutral on.
     """
 
     prior: Prior
     network: CodedDenoiser
     chain: Chain
+    reader: SemanticEncoder | None = None
     card: dict = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
@@ -65,7 +67,7 @@ class StyleSpace:
 
     @cached_property
     def key(self) -> str:
-        """The same for the same weights of prior and space, and for no others."""
+        """The same for the same weights of prior and space, and for no others; the reader does not count."""
         state = {name: value.half() for name, value in self.network.state_dict().items()}
         return text.content_key(state, self.prior.key)
 
@@ -86,6 +88,30 @@ class StyleSpace:
         code[:, -1] = 1
         return self.chain.reverse(lambda y, t: self.network(y, t, words, code), noised)[-1, 0]
 
+    @torch.no_grad()
+    def read(self, x: Tensor) -> Tensor:
+        """The code [C] of a styled motion's features [F, D], as the reader guesses it; 0 without a reader."""
+        if self.reader is None:
+            return torch.zeros(CODES)
+        first = max(len(x) - self.reader.config.frames, 0) // 2
+        return self.reader(x[None, first : first + self.reader.config.frames])[0]
+
+    def save_reader(self, path: str | os.PathLike, card: dict) -> Path:
+        """The reader's weights and card, see `checkpoints.save`; 16 bits."""
+        tensors = {name: value.half() for name, value in self.reader.state_dict().items()}
+        card = {"kind": "reader", **card, "config": asdict(self.reader.config), "space": self.key}
+        return checkpoints.save(path, tensors, card)
+
+    def load_reader(self, path: str | os.PathLike) -> StyleSpace:
+        """The space with the reader that `save_reader` wrote; MotionKitError where it belongs to another space."""
+        tensors, card = checkpoints.load(path, "reader")
+        if card.get("space") != self.key:
+            raise MotionKitError(f"{path}: this reader belongs to another space of styles; train one for this")
+        reader = fresh_reader(self.prior, checkpoints.config_of(path, card, TransformerConfig)).eval()
+        checkpoints.load_into(reader, {name: value.float() for name, value in tensors.items()}, path)
+        self.reader = reader.requires_grad_(False)
+        return self
+
     def save(self, path: str | os.PathLike) -> Path:
         """Weights and card, see `checkpoints.save`; 16 bits."""
         tensors = {name: value.half() for name, value in self.network.state_dict().items()}
@@ -102,37 +128,48 @@ class StyleSpace:
         size, words = prior.layout.size, prior.encoder.size
         network = CodedDenoiser(Denoiser(size, words, config, prior.schedule.steps)).eval()
         checkpoints.load_into(network, {name: value.float() for name, value in tensors.items()}, path)
-        return cls(prior, network.requires_grad_(False), Chain(prior.schedule, tuple(card["stops"])), card)
+        return cls(prior, network.requires_grad_(False), Chain(prior.schedule, tuple(card["stops"])), card=card)
+
+
+def fresh_reader(prior: Prior, config: TransformerConfig | None = None) -> SemanticEncoder:
+    """A network that reads codes off motions and has learned nothing yet: paper 1's discriminator, codes for text."""
+    config = config or prior.network.config
+    return SemanticEncoder(prior.layout.size, CODES, config, prior.network.embedding)
 
 
 @lru_cache(maxsize=2)
 def load(name: str = "actor") -> StyleSpace:
     """The shipped space of styles of a dataset; MotionKitError if there is none."""
-    return StyleSpace.load(checkpoints.find(f"{name}-space"), priors.load(name))
+    return found_for(priors.load(name)) or StyleSpace.load(checkpoints.find(f"{name}-space"), priors.load(name))
 
 
 def found_for(prior: Prior) -> StyleSpace | None:
-    """The shipped space that was made from this very prior, or None."""
-    name = f"{prior.card.get('data')}-space"
-    if name not in checkpoints.names():
+    """The shipped space that was made from this very prior, with its reader if there is one; or None."""
+    data, there = prior.card.get("data"), checkpoints.names()
+    if f"{data}-space" not in there:
         return None
-    path = checkpoints.find(name)
-    return StyleSpace.load(path, prior) if checkpoints.load(path, "space")[1].get("prior") == prior.key else None
+    path = checkpoints.find(f"{data}-space")
+    if checkpoints.load(path, "space")[1].get("prior") != prior.key:
+        return None
+    space = StyleSpace.load(path, prior)
+    return space.load_reader(checkpoints.find(f"{data}-reader")) if f"{data}-reader" in there else space
 
 
 class Point(nn.Module):
     """A style as a point of a space: the network as it is, told one code, which alone is learned.
 
     It has an `Adapter`'s interface, so `teach` finds the point as it trains an adapter; but the sentences that it hears
-    stay neutral. style: where to start; neutral if left out.
+    stay neutral. start: a style, or the code [C] to start from; neutral if left out.
     """
 
     rank, hears_style = 0, False
 
-    def __init__(self, space: StyleSpace, style: Style | None = None) -> None:
+    def __init__(self, space: StyleSpace, start: Style | Tensor | None = None) -> None:
         super().__init__()
         self.space = (space,)  # in a tuple, so that it is no part of this module's state
-        self.changes = nn.ParameterDict({"code": torch.zeros(CODES) if style is None else code_of(style)})
+        start = code_of(start) if isinstance(start, Style) else start
+        self.start = torch.zeros(CODES) if start is None else start.clone()
+        self.changes = nn.ParameterDict({"code": self.start.clone()})
 
     @property
     def code(self) -> Tensor:
@@ -144,11 +181,11 @@ class Point(nn.Module):
         return self.space[0].network(x, t, text, self.code.expand(len(x), -1), mask)
 
     def unlikely(self) -> Tensor:
-        """How unlikely such a style is: most numbers are neutral, a few far from it (minus log of a Cauchy density).
+        """How unlikely such a style is, far from the start: some numbers may be, most are not (a Cauchy's minus log).
 
         Without it numbers that one clip says nothing of would wander off.
         """
-        return torch.log1p((self.changes["code"] / _NEAR) ** 2).mean()
+        return torch.log1p(((self.changes["code"] - self.start) / _NEAR) ** 2).mean()
 
     def frozen(self) -> Callable[..., Tensor]:
         """As `Adapter.frozen`."""

@@ -17,9 +17,10 @@ from ..priors import Prior
 from ..training import Schedule, device_of, fit, in_main
 from .chain import Chain, reconstruction_loss
 from .invented import FRAMES, Lessons, batches_of, lessons
-from .space import CODES, CodedDenoiser, StyleSpace
+from .space import CODES, CodedDenoiser, StyleSpace, fresh_reader, load
 
 STEPS, RATE, BATCH, COUNT = 10000, 1e-3, 16, 3600
+READER_STEPS, READER_RATE, READER_BATCH = 2000, 7e-4, 64
 _BACK = 4  # of a batch so many are taken from their style to neutral
 _SHORTEST = 96
 
@@ -66,6 +67,50 @@ def train_space(prior: Prior, known: Lessons, schedule: Schedule | None = None, 
     space.card |= {"parameters": sum(p.numel() for p in network.parameters()), "lessons": len(known.styled)}
     space.card["last_loss"] = round(sum(run.losses[-200:]) / len(run.losses[-200:]), 4)
     return space
+
+
+def train_reader(space: StyleSpace, known: Lessons, schedule: Schedule | None = None, **running) -> dict:
+    """Teach a network to read the code off a styled motion; the space has it afterwards. Returns its card.
+
+    What a clip does not show it guesses as the mean of all that are possible. running: as in `training.fit`.
+    """
+    schedule = schedule or Schedule(READER_STEPS, READER_RATE, decay=1e-2, average=0.995)
+    torch.manual_seed(schedule.seed)
+    reader = fresh_reader(space.prior)
+
+    def loss_of(model: nn.Module, step: int) -> Tensor:
+        chosen, here = torch.randint(len(known.styled), (READER_BATCH,)), device_of(model)
+        length = int(torch.randint(_SHORTEST // 4, FRAMES // 4 + 1, ())) * 4
+        start = int(torch.randint(FRAMES - length + 1, ()))
+        x = known.styled[chosen, start : start + length].float().to(here)
+        return ((model(x) - known.codes[chosen].to(here)) ** 2).mean()
+
+    run = fit(reader, loss_of, schedule, **running)
+    space.reader = reader.requires_grad_(False)
+    card = {"seed": schedule.seed, "steps": schedule.steps, "seconds": round(run.seconds)}
+    card |= {"steps_per_second": round(run.steps_per_second, 2), "hardware": checkpoints.hardware()}
+    return card | {"parameters": sum(p.numel() for p in reader.parameters()), "lessons": len(known.styled)}
+
+
+def misread(space: StyleSpace, known: Lessons) -> dict[str, float]:
+    """Mean square errors of codes read off lessons that were not learned from; `guessed`: of neutral for all."""
+    with torch.no_grad():
+        found = torch.cat([space.reader(known.styled[part].float()) for part in batches_of(len(known.styled), 64)])
+    errors = {"read": (found - known.codes).square().mean(), "guessed": known.codes.square().mean()}
+    return {name: round(float(value), 4) for name, value in errors.items()}
+
+
+def train_reader_part(data: Dataset, steps: int | None, seed: int, command: str) -> Path:
+    """Train the reader of a dataset's space and write it where `space.load` finds it; returns the weights' path."""
+    path, space = place_for(data.name, "reader"), load(data.name)
+    schedule = Schedule(steps or READER_STEPS, READER_RATE, decay=1e-2, seed=seed, average=0.995)
+    count = COUNT if steps is None or steps >= READER_STEPS else 24
+    known, fresh = lessons(space.prior, count, seed=seed), lessons(space.prior, 60, seed=seed + 1)
+    card = train_reader(space, known, schedule, keep=path.with_suffix(".run"), title=path.stem)
+    card = {"name": path.stem, "command": command, "data": data.name, **card, "licence": "MIT"}
+    card |= {"data_sha256": version() + space.prior.key[:4], "metrics": misread(space, fresh)}
+    in_main(lambda: space.save_reader(path, card))
+    return path
 
 
 @torch.no_grad()
