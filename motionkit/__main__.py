@@ -38,7 +38,7 @@ def _parser() -> argparse.ArgumentParser:
 
     stylize = commands.add_parser("stylize", help="give a motion the style of another one, and write BVH")
     stylize.add_argument("input", help="the motion to restyle, a BVH file")
-    stylize.add_argument("--style", required=True, help="whose style it gets: a BVH file, or a learned style")
+    stylize.add_argument("--style", required=True, help="a BVH file, a learned style; with few-shot also a name")
     stylize.add_argument(
         "--strength", type=float, default=1.0, help="0 keeps the input, 1 is the style, 2 a caricature"
     )
@@ -164,6 +164,8 @@ def _stylize(args: argparse.Namespace) -> None:
 
         method = methods.load("few-shot", prior=prior_of(args.style))
         style = method.load_style(args.style)
+    elif args.method == "few-shot" and not Path(args.style).suffix:
+        method, style = methods.load(args.method), args.style
     else:
         method, style = methods.load(args.method), load(args.style, args.metres_per_unit)
     options = {} if args.strength == 1 else {"strength": args.strength}

@@ -1,4 +1,4 @@
-"""A person in a video as a motion to take a style from, by MediaPipe (`pip install mediapipe`; nothing else needs it).
+"""A person in a video as a motion to take a style from, by MediaPipe (`pip install -e .[video]`; an extra).
 
 Paper 1, section 5.1, learns styles from videos; how places of joints become a motion is in `keypoints`.
 """
@@ -90,4 +90,4 @@ def _parts() -> tuple:
     try:
         return tuple(importlib.import_module(name) for name in names)
     except ImportError as error:
-        raise MotionKitError(f"a video needs MediaPipe: pip install motionkit[video] ({error})") from error
+        raise MotionKitError(f"a video needs MediaPipe: pip install -e .[video] ({error})") from error

@@ -51,6 +51,9 @@ def test_learn_writes_a_style_that_stylize_takes(tmp_path, capsys):
     assert len(mk.load(out)) == 120
     direct = ["stylize", "data/actor/jump_neutral.bvh", "--style", walk, "--method", "few-shot", "-o", str(out)]
     assert main(direct) == 0 and len(mk.load(out)) > 60  # learned on the way
+    named = [*direct[:3], "old", *direct[4:]]
+    assert main(named) == 0 and main([*direct[:3], "purple", *direct[4:]]) == 2
+    assert "'purple' is no style" in capsys.readouterr().err
 
 
 def test_play_writes_a_page_without_network(tmp_path, capsys):

@@ -84,7 +84,7 @@ def test_wishes_may_change_at_any_frame(model, walk):
 
 def test_a_dial_beyond_its_ends_is_marked(model):
     stream = ErdStream(model, "old")
-    assert not stream.extrapolated
+    assert not stream.extrapolated and model.number("style", "normal") == model.number("style", "neutral") == 0
     for style, strength, beyond in (("old", 1.5, True), ("old", -0.2, True), ({"old": 0.7, "proud": 0.3}, 1, False),
                                     ({"old": 0.7, "proud": 0.7}, 1, True), ("neutral", 3.0, False)):  # fmt: skip
         stream.style, stream.strength = style, strength

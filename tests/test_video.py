@@ -127,7 +127,7 @@ def test_without_mediapipe_it_says_what_to_install(monkeypatch, tmp_path):
 
 
 def test_the_real_mediapipe_refuses_a_model_that_is_none(tmp_path):
-    pytest.importorskip("mediapipe", reason="MediaPipe is not installed (pip install motionkit[video])")
+    pytest.importorskip("mediapipe", reason="MediaPipe is not installed (pip install -e .[video])")
     cv2 = pytest.importorskip("cv2")
     film = cv2.VideoWriter(str(tmp_path / "v.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 30, (64, 64))
     for _ in range(10):

@@ -1,4 +1,4 @@
-"""Paper 2, Style-ERD: online style transfer, one frame in, one frame out. So far its network (`layers`) and losses."""
+"""Paper 2, Style-ERD: online style transfer, one frame in, one frame out. Method and weights are still to come."""
 
 from .losses import (
     adversarial_loss,

@@ -15,6 +15,7 @@ import numpy as np
 from .. import checkpoints
 from ..errors import MotionKitError
 from ..layers import ErdConfig, StyleErd
+from ..pairs import NEUTRAL
 from ..skeleton import Skeleton
 from .fast import FastErd
 from .quick_body import QuickBody
@@ -45,7 +46,9 @@ class ErdModel:
         return QuickBody(self.skeleton)
 
     def number(self, what: str, label: str) -> int:
-        """Of a `content` or a `style`; MotionKitError names the nearest."""
+        """Of a `content` or a `style`, neutral by any name; MotionKitError names the nearest."""
+        if what == "style" and label in NEUTRAL:
+            return 0
         known = self.contents if what == "content" else self.styles
         if label not in known:
             near = difflib.get_close_matches(str(label), known, 1, 0.4)

@@ -36,7 +36,7 @@ class ErdRecipe:
     """How it is trained. steps, batch, rate: of the generator; slower: the critic's rate over it.
 
     adversarial, perceptual, attention, beginnings: false leaves that part out (table 1). fps: of the windows. `paper()`
-    is as published, `laptop()` learns in under 90 minutes on two cores.
+    is as published, `laptop()` has the same parts and sizes.
     """
 
     config: ErdConfig = ErdConfig()
@@ -51,13 +51,13 @@ class ErdRecipe:
     beginnings: bool = True
 
     @classmethod
-    def paper(cls, windows: int = 10000) -> ErdRecipe:
+    def paper(cls, windows: int) -> ErdRecipe:
         """Paper 2, supplement A: 2,000 epochs, batch 16, rates 0.0001 and 0.00005; windows: how many there are."""
         return cls(steps=2000 * -(-windows // 16))
 
     @classmethod
     def laptop(cls) -> ErdRecipe:
-        """The same parts and sizes, larger batches and rates."""
+        """Larger batches and rates, fewer steps; not yet tried to its end."""
         return cls(batch=64, rate=1e-3)
 
 

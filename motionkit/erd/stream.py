@@ -38,7 +38,7 @@ class ErdStream:
     ) -> None:
         self.model, self.count, self._strength, self._style = model, count, 1.0, None
         self.content = model.contents[0] if content is None else content
-        self.own_style = model.styles[0] if own_style == "neutral" else own_style
+        self.own_style = own_style
         self._strength = strength
         self.style = style
         self.held, self._like = np.zeros(count, int), None
@@ -51,10 +51,8 @@ class ErdStream:
 
     @style.setter
     def style(self, style: object) -> None:
-        name = self.model.styles[0]
-        given = [{name: 1.0} if one == "neutral" else one for one in self._each(style)]
-        strengths = self._each(self._strength)
-        self._wanted = np.stack([self.model.wanted(one, s) for one, s in zip(given, strengths, strict=True)])
+        pairs = zip(self._each(style), self._each(self._strength), strict=True)
+        self._wanted = np.stack([self.model.wanted(*pair) for pair in pairs])
         self._style = style
 
     @property

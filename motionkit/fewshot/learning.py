@@ -19,7 +19,7 @@ from .adapters import Adapter
 from .chain import CHANGE, NOISE, STEPS, Chain, reconstruction_loss, total_loss
 from .space import Point, StyleSpace
 
-_PLAIN = 0.2  # how much it counts how unlikely a point is; least error on invented styles that were not lessons
+_PLAIN = 0.2  # how much it counts how unlikely a point is
 PAIRS = ("prior", "knn-dtw", "space")
 MODELS = ("diffusion", "autoencoder", "space")
 

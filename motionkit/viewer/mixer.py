@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 
 import ipywidgets
@@ -10,6 +9,7 @@ import numpy as np
 
 from ..actor import SEEN, UNSEEN, Performance, Style, mix, parameters, perform, retell, style_named
 from ..errors import MotionKitError
+from .pictured import Pictured
 from .player import Player
 from .plots import Print, few_colours, still
 from .style_plots import STYLE_GROUPS, plot_styles
@@ -17,12 +17,14 @@ from .style_plots import STYLE_GROUPS, plot_styles
 _STRONGEST, _WEAKEST = 2.0, -0.5
 
 
-class StyleMixer(ipywidgets.VBox):
+class StyleMixer(Pictured, ipywidgets.VBox):
     """A performer over the sliders of their style; see `style_mixer`.
 
     controls: "style", "intensity", and every parameter in `STYLE_GROUPS`, name to widget. `style` is what they say,
     `performance` what is shown.
     """
+
+    about = "sliders"
 
     def __init__(self, intention: Performance, start: str) -> None:
         self._intention, self._base, self._quiet = intention, style_named(start), False
@@ -78,12 +80,6 @@ class StyleMixer(ipywidgets.VBox):
         plot_styles([self.style], ax=picture.add_axes((0.6, 0.08, 0.38, 0.9)))
         picture.savefig(raw, format="png", facecolor="white")
         return few_colours(raw)
-
-    def _repr_mimebundle_(self, **more: object) -> dict:
-        """The live widget, and beside it the picture for pages that run nothing."""
-        bundle = super()._repr_mimebundle_(**more) or {}
-        text = {"image/png": base64.b64encode(self.still()).decode(), "text/plain": "(sliders: run this cell)"}
-        return {**bundle, **text}
 
 
 def style_mixer(content: str = "walk", style: str = "neutral", seed: int = 1, seconds: float = 6.0) -> StyleMixer:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import io
 import warnings
@@ -14,6 +13,7 @@ from ..files import MotionKitWarning
 from ..motion import Motion
 from ..priors import SCALE
 from ..text import similarity
+from .pictured import Pictured
 from .player import Player
 from .plots import INK, SOFT, Print, few_colours, strip
 
@@ -22,7 +22,7 @@ PROMPT = "a person walks in depression"
 _TINTS = {"said": SOFT, "warning": "#9a6200", "error": "#b3261e"}
 
 
-class PromptBox(ipywidgets.HBox):
+class PromptBox(Pictured, ipywidgets.HBox):
     """A sentence on the left, and on the right a player with the motion that a prior makes of it.
 
     Press Enter and the player follows, and so it does at every move of a slider; "another" asks the same again from
@@ -47,6 +47,8 @@ class PromptBox(ipywidgets.HBox):
     >>> box.message, box.motion.name
     ("the prompt is empty; say what someone does, such as 'a person walks'; found ' '", 'an old person walks')
     """
+
+    about = "a prompt box"
 
     def __init__(
         self,
@@ -129,12 +131,6 @@ class PromptBox(ipywidgets.HBox):
         picture.text(0.025, 0.05, told, fontsize=8.5, color=_TINTS[self._kind], va="center")
         picture.savefig(raw, format="png", facecolor="white")
         return few_colours(raw)
-
-    def _repr_mimebundle_(self, **more: object) -> dict:
-        """The live widget, and beside it the picture for pages that run nothing."""
-        bundle = super()._repr_mimebundle_(**more) or {}
-        text = {"image/png": base64.b64encode(self.still()).decode(), "text/plain": "(a prompt box: run this cell)"}
-        return {**bundle, **text}
 
 
 def _check_prior(prior: object) -> None:

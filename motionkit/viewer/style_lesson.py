@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import io
 from collections.abc import Mapping
@@ -12,6 +11,7 @@ import ipywidgets
 from .. import bvh
 from ..errors import MotionKitError
 from ..motion import Motion
+from .pictured import Pictured
 from .player import Player
 from .plots import INK, SOFT, Print, few_colours, strip
 
@@ -19,7 +19,7 @@ _TINTS = {"said": SOFT, "error": "#b3261e"}
 _STRENGTHS = (0.0, 0.5, 0.75, 1.0, 1.25, 1.5)
 
 
-class StyleLesson(ipywidgets.HBox):
+class StyleLesson(Pictured, ipywidgets.HBox):
     """Controls on the left: a BVH file, a sentence that says what it does and how, *learn*; then what is to be played.
 
     On the right a player with a content and the same content in the style that was learned last. What is wrong with a
@@ -38,6 +38,8 @@ class StyleLesson(ipywidgets.HBox):
     >>> lesson.message
     'give a BVH file of a second or more, and say what it does and how'
     """
+
+    about = "a style lesson"
 
     def __init__(
         self, method: object, contents: Mapping[str, Motion], style: Motion | None = None, prompt: str = ""
@@ -126,12 +128,6 @@ class StyleLesson(ipywidgets.HBox):
         picture.text(0.025, 0.05, told, fontsize=8.5, color=colour, va="center")
         picture.savefig(raw, format="png", facecolor="white")
         return few_colours(raw)
-
-    def _repr_mimebundle_(self, **more: object) -> dict:
-        """The live widget, and beside it the picture for pages that run nothing."""
-        bundle = super()._repr_mimebundle_(**more) or {}
-        text = {"image/png": base64.b64encode(self.still()).decode(), "text/plain": "(a style lesson: run this cell)"}
-        return {**bundle, **text}
 
 
 def _controls(captions: list[str], prompt: str) -> dict[str, ipywidgets.Widget]:
