@@ -16,7 +16,7 @@ from .errors import MotionKitError
 from .files import MotionKitWarning
 
 _JUDGES, _PRIORS = ("content", "style", "autoencoder"), ("prior", "discriminator", "text")  # what `train` makes
-_SPACES = ("space", "reader")
+_SPACES, _ERD = ("space", "reader"), "erd"
 _UNIT_HELP = "metres in one unit of the file (0.01 for centimetres); guessed from the skeleton's size if left out"
 
 
@@ -38,7 +38,7 @@ def _parser() -> argparse.ArgumentParser:
 
     stylize = commands.add_parser("stylize", help="give a motion the style of another one, and write BVH")
     stylize.add_argument("input", help="the motion to restyle, a BVH file")
-    stylize.add_argument("--style", required=True, help="a BVH file, a learned style; with few-shot also a name")
+    stylize.add_argument("--style", required=True, help="a BVH file or learned style; few-shot, style-erd: or a name")
     stylize.add_argument(
         "--strength", type=float, default=1.0, help="0 keeps the input, 1 is the style, 2 a caricature"
     )
@@ -87,8 +87,8 @@ def _add_learn(commands: argparse._SubParsersAction) -> None:
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
     train = commands.add_parser("train", help="train on a dataset, and write weights with a card")
-    about = "judge: content, style and autoencoder; space and reader: of styles, for few-shot"
-    train.add_argument("what", choices=["judge", *_JUDGES, *_PRIORS, *_SPACES], help=about)
+    about = "judge: content, style and autoencoder; space and reader: of styles, for few-shot; erd: for style-erd"
+    train.add_argument("what", choices=["judge", *_JUDGES, *_PRIORS, *_SPACES, _ERD], help=about)
     train.add_argument("--data", default="actor", help=f"one of: {', '.join(datasets.names())}")
     train.add_argument("--root", help="the folder or zip of the captures, where the dataset needs one")
     train.add_argument("--config", default="laptop", choices=["tiny", "laptop", "paper"], help="the network's size")
@@ -102,30 +102,37 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
 def _train(args: argparse.Namespace) -> None:
     from .training import in_main
 
-    data, judged = datasets.load(args.data, args.root), args.what not in (*_PRIORS, *_SPACES)
+    data = datasets.load(args.data, args.root)
     for part in _JUDGES if args.what == "judge" else [args.what]:
         command = f"python -m motionkit train {part} --data {args.data} --config {args.config} --seed {args.seed}"
         command += f" --steps {args.steps}" if args.steps else ""
         command += f" --rate {args.rate}" if args.rate else ""
         command += f" --start {args.start}" if args.start else ""
         command += f" --text {args.text}" if args.text != "mini" else ""
-        if judged:
-            from .judges.recipes import train_part
-            from .layers import StGcnConfig
-
-            path = train_part(part, data, getattr(StGcnConfig, args.config)(), args.steps, args.seed, command)
-        elif part in _SPACES:
-            from .fewshot import space_recipe
-
-            make = space_recipe.train_part if part == "space" else space_recipe.train_reader_part
-            path = make(data, args.steps, args.seed, command)
-        else:
-            from .layers import TransformerConfig
-            from .priors.commands import train_part
-
-            config = getattr(TransformerConfig, args.config)()
-            path = train_part(part, data, config, args.steps, args.seed, command, args.text, args.start, args.rate)
+        path = _trained(part, data, args, command)
         in_main(lambda path=path: print(path))
+
+
+def _trained(part: str, data: datasets.Dataset, args: argparse.Namespace, command: str) -> Path:
+    if part in _PRIORS:
+        from .layers import TransformerConfig
+        from .priors.commands import train_part
+
+        config = getattr(TransformerConfig, args.config)()
+        return train_part(part, data, config, args.steps, args.seed, command, args.text, args.start, args.rate)
+    if part in _SPACES:
+        from .fewshot import space_recipe
+
+        make = space_recipe.train_part if part == "space" else space_recipe.train_reader_part
+        return make(data, args.steps, args.seed, command)
+    if part == _ERD:
+        from .erd.commands import train_part
+
+        return train_part(data, args.steps, args.seed, command)
+    from .judges.recipes import train_part
+    from .layers import StGcnConfig
+
+    return train_part(part, data, getattr(StGcnConfig, args.config)(), args.steps, args.seed, command)
 
 
 def _info(args: argparse.Namespace) -> None:
@@ -164,7 +171,7 @@ def _stylize(args: argparse.Namespace) -> None:
 
         method = methods.load("few-shot", prior=prior_of(args.style))
         style = method.load_style(args.style)
-    elif args.method == "few-shot" and not Path(args.style).suffix:
+    elif args.method in ("few-shot", "style-erd") and not Path(args.style).suffix:
         method, style = methods.load(args.method), args.style
     else:
         method, style = methods.load(args.method), load(args.style, args.metres_per_unit)

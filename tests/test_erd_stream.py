@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 import torch
-from torch import nn
+from erd_small import CONTENTS, STYLES, small_model
 
 import motionkit as mk
 from motionkit.actor import perform
 from motionkit.erd.frames import frames_of, motion_from, split
+from motionkit.erd.labels import Guesses, Labeller
 from motionkit.erd.model import ErdModel
 from motionkit.erd.quick_body import QuickBody
 from motionkit.erd.stream import ErdStream
-from motionkit.layers import ErdConfig, StyleErd
 
-STYLES, CONTENTS = ("neutral", "old", "proud"), ("walk", "jump")
+PLAIN = {"content": "walk", "own_style": "neutral"}
 
 
 @pytest.fixture(scope="module")
@@ -22,14 +22,8 @@ def walk():
 
 
 @pytest.fixture(scope="module")
-def model(walk):
-    torch.manual_seed(0)
-    net = StyleErd(22, len(CONTENTS), len(STYLES), ErdConfig.tiny()).eval()
-    with torch.no_grad():
-        for branch in (net.neutral, net.residual):
-            nn.init.normal_(branch.hidden)
-        net.decoder[-1].bias[:88:4] += 2  # somewhere near rest
-    return ErdModel(net, CONTENTS, STYLES, walk.skeleton, 30.0)
+def model():
+    return small_model()
 
 
 def whole(model, motion, wanted, content="walk", own="neutral"):
@@ -55,7 +49,7 @@ def test_quick_kinematics_and_facing(walk):
 
 
 def test_one_frame_at_a_time_is_the_clip_at_once(model, walk):
-    stream = ErdStream(model, "old", content="walk")
+    stream = ErdStream(model, "old", **PLAIN)
     assert float((run(stream, walk) - whole(model, walk, model.wanted("old")).positions()).abs().max()) < 1e-4
 
 
@@ -70,7 +64,7 @@ def test_many_streams_do_not_disturb_each_other(model, walk):
 
 
 def test_wishes_may_change_at_any_frame(model, walk):
-    stream, made = ErdStream(model, "old"), []
+    stream, made = ErdStream(model, "old", **PLAIN), []
     for n in range(60):
         if n == 20:
             stream.style = {"old": 0.5, "proud": 0.5}
@@ -83,7 +77,7 @@ def test_wishes_may_change_at_any_frame(model, walk):
 
 
 def test_a_dial_beyond_its_ends_is_marked(model):
-    stream = ErdStream(model, "old")
+    stream = ErdStream(model, "old", **PLAIN)
     assert not stream.extrapolated and model.number("style", "normal") == model.number("style", "neutral") == 0
     for style, strength, beyond in (("old", 1.5, True), ("old", -0.2, True), ({"old": 0.7, "proud": 0.3}, 1, False),
                                     ({"old": 0.7, "proud": 0.7}, 1, True), ("neutral", 3.0, False)):  # fmt: skip
@@ -92,9 +86,9 @@ def test_a_dial_beyond_its_ends_is_marked(model):
 
 
 def test_broken_frames_are_held_and_leave_no_trace(model, walk):
-    stream = ErdStream(model, "old")
+    stream = ErdStream(model, "old", **PLAIN)
     fine = torch.cat([stream(walk[n : n + 1]).positions() for n in range(60)])
-    stream, made, held = ErdStream(model, "old"), [], []
+    stream, made, held = ErdStream(model, "old", **PLAIN), [], []
     for n in range(60):
         frame = walk[n : n + 1]
         if 20 <= n < 23:
@@ -121,17 +115,17 @@ def test_broken_frames_are_held_and_leave_no_trace(model, walk):
     ],
 )
 def test_other_frames_midway_are_refused_and_the_stream_goes_on(model, walk, change, message):
-    stream = ErdStream(model, "old")
+    stream = ErdStream(model, "old", **PLAIN)
     before = [stream(walk[n : n + 1]) for n in range(5)]
     with pytest.raises(mk.MotionKitError, match=message):
         stream(change(walk))
-    again = ErdStream(model, "old")
+    again = ErdStream(model, "old", **PLAIN)
     wanted = [again(walk[n : n + 1]) for n in range(6)]
     assert torch.equal(stream(walk[5:6]).rotations, wanted[5].rotations) and len(before) == 5
 
 
 def test_unknown_names_and_numbers_change_nothing(model, walk):
-    stream = ErdStream(model, "old")
+    stream = ErdStream(model, "old", **PLAIN)
     for wrong, message in (("odl", "did you mean 'old'"), ({"old": float("nan")}, "finite number")):
         with pytest.raises(mk.MotionKitError, match=message):
             stream.style = wrong
@@ -140,14 +134,34 @@ def test_unknown_names_and_numbers_change_nothing(model, walk):
     with pytest.raises(mk.MotionKitError, match="knows no content 'swim'"):
         stream.content = "swim"
     with pytest.raises(mk.MotionKitError, match="2 frames at a time; found 1|takes 2"):
-        ErdStream(model, "old", count=2)(walk[:1])
+        ErdStream(model, "old", **PLAIN, count=2)(walk[:1])
     assert (stream.style, stream.strength, stream.content) == ("old", 1.0, "walk")
-    assert torch.equal(stream(walk[:1]).rotations, ErdStream(model, "old")(walk[:1]).rotations)
+    assert torch.equal(stream(walk[:1]).rotations, ErdStream(model, "old", **PLAIN)(walk[:1]).rotations)
 
 
 def test_a_model_is_kept_with_its_labels(model, walk, tmp_path):
     again = ErdModel.load(model.save(tmp_path / "erd.safetensors"))
     assert (again.contents, again.styles, again.fps) == (CONTENTS, STYLES, 30.0)
     assert again.network.config == model.network.config and again.skeleton.same_tree(model.skeleton)
-    a, b = (ErdStream(one, "old")(walk[:1]).rotations for one in (model, again))
+    a, b = (ErdStream(one, "old", **PLAIN)(walk[:1]).rotations for one in (model, again))
     assert torch.equal(a, b)
+
+
+def test_labels_that_nobody_says_are_guessed(model, walk, tmp_path):
+    with pytest.raises(mk.MotionKitError, match="guesses no labels; say the content of what comes in: walk, jump"):
+        ErdStream(model, "old")
+    torch.manual_seed(1)
+    labeller = Labeller(22, len(CONTENTS), len(STYLES)).eval()
+    with torch.no_grad():  # whatever comes in, it says proud
+        labeller.style.bias[2] += 9
+    knowing = ErdModel(model.network, CONTENTS, STYLES, model.skeleton, 30.0, labeller)
+    knowing = ErdModel.load(knowing.save(tmp_path / "erd.safetensors"))
+    stream = ErdStream(knowing, "old")
+    guesses = Guesses(labeller)
+    for n, x in enumerate(frames_of(walk).x.numpy()):
+        stream(walk[n : n + 1])
+        guesses.hear(x[None])
+        assert stream.labels == [(CONTENTS[int(guesses.content[0])], "proud")]
+    stream.own_style = "neutral"
+    stream(walk[:1])
+    assert stream.labels[0][1] == "neutral"

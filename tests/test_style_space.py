@@ -12,8 +12,8 @@ from motionkit.arena.truths import error_against
 from motionkit.fewshot import Adapter, LearnedStyle, Point, Recipe, StyleSpace, space_recipe
 from motionkit.fewshot import space as spaces
 from motionkit.fewshot.invented import FRAMES, code_of, invented, lessons
-from motionkit.fewshot.space import CODES, CodedDenoiser
-from motionkit.fewshot.space_recipe import misread, misses, train_reader, train_space
+from motionkit.fewshot.space import CODES, CodedDenoiser, Reading
+from motionkit.fewshot.space_recipe import doubted, misread, misses, train_reader, train_space
 from motionkit.layers import Denoiser, TransformerConfig
 from motionkit.training import Schedule
 
@@ -89,31 +89,50 @@ def test_a_space_is_kept_for_its_prior_alone(prior, small, tmp_path):
 
 def test_a_reader_guesses_codes_and_belongs_to_its_space(prior, known, small, tmp_path):
     other = StyleSpace(prior, small.network, small.chain)
-    assert not other.read(known.styled[0].float()).any()
+    assert other.read(known.styled[0].float()) is None
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(space_recipe, "READER_BATCH", 4)
         card = train_reader(other, known, Schedule(60, 1e-3, average=0.9), title="")
     errors = misread(other, known)
-    assert errors["read"] < 0.7 * errors["guessed"] and card["lessons"] == 8
+    assert errors["read"] < 0.7 * errors["guessed"] and card["lessons"] == 8 and errors["expected"] > 0
     long = torch.cat((known.styled[0], known.styled[0])).float()  # the middle is read
-    assert other.read(long).shape == (CODES,)
+    code, spread = other.read(long)
+    assert code.shape == spread.shape == (CODES,) and bool((spread > 0).all())
     path = other.save_reader(tmp_path / "actor-reader.safetensors", card)
     again = StyleSpace(prior, small.network, small.chain).load_reader(path)
-    assert torch.allclose(again.read(long), other.read(long), atol=0.01)
+    assert all(torch.allclose(a, b, atol=0.01) for a, b in zip(again.read(long), (code, spread)))
     elsewhere = StyleSpace(prior, CodedDenoiser(prior.network), small.chain)
     with pytest.raises(mk.MotionKitError, match="belongs to another space"):
         elsewhere.load_reader(path)
 
 
-def test_learning_starts_from_what_is_read_and_stays_near(small):
-    start = torch.full((CODES,), 0.3)
-    point = Point(small, start)
-    assert torch.equal(point.code[:-1], start) and float(point.unlikely().detach()) == 0
-    far, farther = (Point(small, start) for _ in range(2))
-    with torch.no_grad():
-        far.changes["code"] += 0.1
-        farther.changes["code"] += 0.5
-    assert 0 < float(far.unlikely().detach()) < float(farther.unlikely().detach())
+def test_learning_starts_from_what_is_read_and_stays_near_where_that_is_sure(small):
+    read = Reading(torch.full((CODES,), 0.3), torch.full((CODES,), 0.1))
+    read.spread[0] = 1.0
+    point = Point(small, read)
+    assert torch.equal(point.code[:-1], read.code) and float(point.unlikely().detach()) == 0
+
+    def off_by(distance, number):
+        moved = Point(small, read)
+        with torch.no_grad():
+            moved.changes["code"][number] += distance
+        return float(moved.unlikely().detach())
+
+    assert 0 < off_by(0.1, 1) < off_by(0.5, 1)
+    assert off_by(0.5, 0) == pytest.approx(off_by(0.05, 1), rel=1e-3)
+
+
+def test_doubt_is_learned_where_nothing_is_to_be_read():
+    found = torch.zeros(2, 2, requires_grad=True)
+    codes = torch.tensor([[1.0], [-1.0]]) * torch.tensor([[1.0]])
+    optimizer = torch.optim.Adam([found], 0.05)
+    for _ in range(300):
+        loss = doubted(Reading.of(found.mean(0, keepdim=True).expand(2, -1)), codes)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    code, spread = Reading.of(found.mean(0).detach())
+    assert abs(float(code)) < 0.05 and float(spread) == pytest.approx(1.0, rel=0.05)  # as far as they lie apart
 
 
 def test_only_the_code_is_learned_and_kept(prior, small, tmp_path):
@@ -181,7 +200,13 @@ def test_the_shipped_space_is_as_good_as_its_card_says(prior):
     found, wrote = misses(space, lessons(prior, 60, seed=1)), space.card["metrics"]
     assert all(found[name] == pytest.approx(wrote[name], rel=0.05) for name in wrote)
     assert found["styled"] < 0.35 * found["copied"] and found["neutral"] < 0.35 * found["copied"]
-    assert space.reader is None and spaces.found_for(prior).reader is None  # none is shipped: see the README there
+
+
+def test_the_shipped_reader_is_as_good_as_its_card_says(prior):
+    space, card = spaces.load("actor"), checkpoints.load(checkpoints.find("actor-reader"))[1]
+    found, wrote = misread(space, lessons(prior, 60, seed=1)), card["metrics"]
+    assert all(found[name] == pytest.approx(wrote[name], rel=0.05) for name in wrote)
+    assert found["read"] < 0.45 * found["guessed"] and 0.7 < found["expected"] / found["read"] < 1.3
 
 
 def test_a_style_that_nobody_has_seen_is_carried_over():

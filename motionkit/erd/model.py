@@ -18,18 +18,25 @@ from ..layers import ErdConfig, StyleErd
 from ..pairs import NEUTRAL
 from ..skeleton import Skeleton
 from .fast import FastErd
+from .labels import Labeller
 from .quick_body import QuickBody
+
+_LABELS = "labels."  # before the names of the labeller's weights
 
 
 @dataclass(eq=False)
 class ErdModel:
-    """A trained Style-ERD: its network, the labels that it knows (the neutral style first), its skeleton and rate."""
+    """A trained Style-ERD: its network, the labels that it knows (the neutral style first), its skeleton and rate.
+
+    labeller: what guesses labels that nobody says; None where there is none.
+    """
 
     network: StyleErd
     contents: tuple[str, ...]
     styles: tuple[str, ...]
     skeleton: Skeleton
     fps: float
+    labeller: Labeller | None = None
     card: dict = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
@@ -73,7 +80,10 @@ class ErdModel:
         card = {"kind": "style-erd", **self.card, "config": asdict(self.network.config), "fps": self.fps}
         card |= {"contents": list(self.contents), "styles": list(self.styles)}
         card["skeleton"] = checkpoints.skeleton_card(self.skeleton)
-        return checkpoints.save(path, self.network.state_dict(), card)
+        tensors = dict(self.network.state_dict())
+        if self.labeller is not None:
+            tensors |= {_LABELS + name: value for name, value in self.labeller.state_dict().items()}
+        return checkpoints.save(path, tensors, card)
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> ErdModel:
@@ -83,6 +93,12 @@ class ErdModel:
         config = ErdConfig(tuple(config.encoder), config.latent, config.neutral, config.style, tuple(config.decoder))
         skeleton = checkpoints.skeleton_of(card["skeleton"])
         contents, styles = tuple(card["contents"]), tuple(card["styles"])
-        network = StyleErd(len(skeleton), len(contents), len(styles), config).eval()
+        sizes, labeller = (len(skeleton), len(contents), len(styles)), None
+        labels = {name.removeprefix(_LABELS): tensors.pop(name) for name in list(tensors) if name.startswith(_LABELS)}
+        network = StyleErd(*sizes, config).eval()
         checkpoints.load_into(network, tensors, path)
-        return cls(network.requires_grad_(False), contents, styles, skeleton, card["fps"], card)
+        if labels:
+            labeller = Labeller(*sizes).eval()
+            checkpoints.load_into(labeller, labels, path)
+            labeller.requires_grad_(False)
+        return cls(network.requires_grad_(False), contents, styles, skeleton, card["fps"], labeller, card)

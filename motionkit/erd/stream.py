@@ -11,6 +11,7 @@ from ..errors import MotionKitError
 from ..motion import Motion
 from ..restyling import body_of
 from .frames import TENTH
+from .labels import Guesses
 from .model import ErdModel
 from .quick_body import turned, yawed
 
@@ -20,7 +21,7 @@ class ErdStream:
 
     model: trained. style: a name, or a mix; strength: how much of it; both may be set at any frame and count from the
     next one on: `stream.style = "old"`, or a list with one for each stream. content, own_style: labels of what comes
-    in, which may change too. count: B.
+    in, which may change too; None where they are to be guessed, see `labels`. count: B.
 
     `held`: how many frames in a row were not finite numbers, for each stream; then the last good one was taken again.
     `extrapolated`: whether more than all or less than nothing of a style is asked for.
@@ -33,12 +34,12 @@ class ErdStream:
         strength: object = 1.0,
         *,
         content: object = None,
-        own_style: object = "neutral",
+        own_style: object = None,
         count: int = 1,
     ) -> None:
         self.model, self.count, self._strength, self._style = model, count, 1.0, None
-        self.content = model.contents[0] if content is None else content
-        self.own_style = own_style
+        self._guesses = Guesses(model.labeller) if model.labeller is not None else None
+        self.content, self.own_style = content, own_style
         self._strength = strength
         self.style = style
         self.held, self._like = np.zeros(count, int), None
@@ -71,23 +72,26 @@ class ErdStream:
 
     @property
     def content(self) -> object:
-        """The label of what comes in."""
+        """The label of what comes in, as it was given."""
         return self._content
 
     @content.setter
     def content(self, content: object) -> None:
-        self._contents = np.array([self.model.number("content", one) for one in self._each(content)])
-        self._content = content
+        self._contents, self._content = self._numbers("content", content), content
 
     @property
     def own_style(self) -> object:
-        """The style of what comes in."""
+        """The style of what comes in, as it was given."""
         return self._own
 
     @own_style.setter
     def own_style(self, style: object) -> None:
-        self._owns = np.array([self.model.number("style", one) for one in self._each(style)])
-        self._own = style
+        self._owns, self._own = self._numbers("style", style), style
+
+    @property
+    def labels(self) -> list[tuple[str, str]]:
+        """Content and own style of every stream, by which the last frame was restyled: as given, or as guessed."""
+        return [(self.model.contents[c], self.model.styles[s]) for c, s in zip(self._contents, self._owns)]
 
     @property
     def extrapolated(self) -> bool:
@@ -130,6 +134,7 @@ class ErdStream:
         own[:, 0] = yawed(-yaw, turns[:, 0])
         own *= np.where(own[..., :1] < 0, np.float32(-1), np.float32(1))
         x = np.concatenate([part.reshape(count, -1) for part in (own, local, speed)], 1, dtype=np.float32)
+        self._guess(x)
         if self._state is None:
             self._state, self._path = self.model.fast.begin(self._contents), ground
         y, self._state = self.model.fast.step(x, self._contents, self._owns, self._wanted, self._state)
@@ -152,6 +157,23 @@ class ErdStream:
         root[:, 1] = height
         made[:, 0] = yawed(yaw, made[:, 0])
         return made.astype(np.float32), root.astype(np.float32)
+
+    def _guess(self, x: np.ndarray) -> None:
+        """Labels that nobody has said."""
+        missing = [self._content is None, self._own is None]
+        if any(missing):
+            self._guesses.hear(x)
+            self._contents = self._guesses.content if missing[0] else self._contents
+            self._owns = self._guesses.style if missing[1] else self._owns
+
+    def _numbers(self, what: str, labels: object) -> np.ndarray:
+        """Of a content or a style of each stream; 0 until they are guessed, where they are to be."""
+        if labels is not None:
+            return np.array([self.model.number(what, one) for one in self._each(labels)])
+        if self._guesses is None:
+            known = self.model.contents if what == "content" else self.model.styles
+            raise MotionKitError(f"this model guesses no labels; say the {what} of what comes in: {', '.join(known)}")
+        return np.zeros(self.count, int)
 
     def _good(self, turns: np.ndarray, translations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Frames that are not finite replaced by the last good ones; how many frames lie between counts for speeds."""

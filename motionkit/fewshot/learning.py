@@ -19,7 +19,6 @@ from .adapters import Adapter
 from .chain import CHANGE, NOISE, STEPS, Chain, reconstruction_loss, total_loss
 from .space import Point, StyleSpace
 
-_PLAIN = 0.2  # how much it counts how unlikely a point is
 PAIRS = ("prior", "knn-dtw", "space")
 MODELS = ("diffusion", "autoencoder", "space")
 
@@ -178,7 +177,7 @@ class Lesson:
 def teach(lesson: Lesson, recipe: Recipe, seed: int = 0, **running) -> tuple[Adapter | Point, Run]:
     """Fine-tune the lesson's prior on it (paper 1, section 3.4, eq. 12); the prior itself stays as it is.
 
-    A lesson with a space of styles finds a point in it, by the same losses.
+    A lesson with a space of styles finds a point in it, by the same losses, near what is read off the clip.
 
     running: as in `training.fit`, such as `keep` for a file to go on from, `show` and `title`.
     """
@@ -195,6 +194,6 @@ def teach(lesson: Lesson, recipe: Recipe, seed: int = 0, **running) -> tuple[Ada
         guided = recipe.weights[1] > 0 and lesson.contents is not None
         meaning = lesson.meaning_loss(network, recipe.batch) if guided else example.new_zeros(())
         total = total_loss(example, meaning, recipe.weights)
-        return total + _PLAIN * adapter.unlikely() if in_space else total
+        return total + adapter.unlikely() if in_space else total
 
     return adapter, fit(adapter, loss_of, schedule, **running)

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -25,7 +26,9 @@ from .chain import Chain
 from .invented import code_of
 
 CODES = len(parameters())
+_LEAST_SPREAD = 0.02  # of half a range
 _NEAR = 0.15  # of half a range: how far from neutral half of a style's numbers lie
+_READ, _UNREAD = 0.3, 0.2  # how much it counts how unlikely a point is, beside the reconstruction loss
 
 
 class CodedDenoiser(nn.Module):
@@ -46,6 +49,24 @@ class CodedDenoiser(nn.Module):
     def forward(self, x: Tensor, t: Tensor, text: Tensor, code: Tensor, mask: Tensor | None = None) -> Tensor:
         """As `layers.Denoiser.forward`; code: [B, C + 1]."""
         return self.denoiser(x, t, text, mask, self.straight(code) + self.bent(code))
+
+
+class Reading(NamedTuple):
+    """What a reader guesses of codes: the mean of all that are possible, and how far they lie around it, [..., C]."""
+
+    code: Tensor
+    spread: Tensor
+
+    @classmethod
+    def of(cls, numbers: Tensor) -> Reading:
+        """From what the network says, [..., 2 C].
+
+        >>> code, spread = Reading.of(torch.zeros(5, 2 * CODES))
+        >>> code.shape == spread.shape == (5, CODES) and bool((spread > 0).all())
+        True
+        """
+        code, spread = numbers.chunk(2, -1)
+        return cls(code, _LEAST_SPREAD + nn.functional.softplus(spread - 1))
 
 
 @dataclass(eq=False)
@@ -89,12 +110,12 @@ class StyleSpace:
         return self.chain.reverse(lambda y, t: self.network(y, t, words, code), noised)[-1, 0]
 
     @torch.no_grad()
-    def read(self, x: Tensor) -> Tensor:
-        """The code [C] of a styled motion's features [F, D], as the reader guesses it; 0 without a reader."""
+    def read(self, x: Tensor) -> Reading | None:
+        """What the reader guesses of the code of a styled motion's features [F, D]; None without a reader."""
         if self.reader is None:
-            return torch.zeros(CODES)
+            return None
         first = max(len(x) - self.reader.config.frames, 0) // 2
-        return self.reader(x[None, first : first + self.reader.config.frames])[0]
+        return Reading.of(self.reader(x[None, first : first + self.reader.config.frames])[0])
 
     def save_reader(self, path: str | os.PathLike, card: dict) -> Path:
         """The reader's weights and card, see `checkpoints.save`; 16 bits."""
@@ -132,9 +153,9 @@ class StyleSpace:
 
 
 def fresh_reader(prior: Prior, config: TransformerConfig | None = None) -> SemanticEncoder:
-    """A network that reads codes off motions and has learned nothing yet: paper 1's discriminator, codes for text."""
+    """A network that has learned nothing yet: paper 1's discriminator, `Reading`s in place of sentences' vectors."""
     config = config or prior.network.config
-    return SemanticEncoder(prior.layout.size, CODES, config, prior.network.embedding)
+    return SemanticEncoder(prior.layout.size, 2 * CODES, config, prior.network.embedding)
 
 
 @lru_cache(maxsize=2)
@@ -159,17 +180,19 @@ class Point(nn.Module):
     """A style as a point of a space: the network as it is, told one code, which alone is learned.
 
     It has an `Adapter`'s interface, so `teach` finds the point as it trains an adapter; but the sentences that it hears
-    stay neutral. start: a style, or the code [C] to start from; neutral if left out.
+    stay neutral. start: a style, or what was
+    read off a clip; neutral if left out.
     """
 
     rank, hears_style = 0, False
 
-    def __init__(self, space: StyleSpace, start: Style | Tensor | None = None) -> None:
+    def __init__(self, space: StyleSpace, start: Style | Reading | None = None) -> None:
         super().__init__()
         self.space = (space,)  # in a tuple, so that it is no part of this module's state
-        start = code_of(start) if isinstance(start, Style) else start
-        self.start = torch.zeros(CODES) if start is None else start.clone()
-        self.changes = nn.ParameterDict({"code": self.start.clone()})
+        self.read = start if isinstance(start, Reading) else None
+        code = torch.zeros(CODES) if start is None else code_of(start) if self.read is None else self.read.code
+        self.start = code.clone()
+        self.changes = nn.ParameterDict({"code": code.clone()})
 
     @property
     def code(self) -> Tensor:
@@ -181,11 +204,15 @@ class Point(nn.Module):
         return self.space[0].network(x, t, text, self.code.expand(len(x), -1), mask)
 
     def unlikely(self) -> Tensor:
-        """How unlikely such a style is, far from the start: some numbers may be, most are not (a Cauchy's minus log).
+        """How unlikely such a style is: where it was read, by how far the reading may be off (a Gaussian's minus log).
 
-        Without it numbers that one clip says nothing of would wander off.
+        Where nothing was read, by how far it is from the start: some numbers may be, most are not (a Cauchy's minus
+        log). Without it numbers that one clip says nothing of would wander off.
         """
-        return torch.log1p(((self.changes["code"] - self.start) / _NEAR) ** 2).mean()
+        off = self.changes["code"] - self.start
+        if self.read is not None:
+            return _READ * 0.5 * ((off / self.read.spread) ** 2).mean()
+        return _UNREAD * torch.log1p((off / _NEAR) ** 2).mean()
 
     def frozen(self) -> Callable[..., Tensor]:
         """As `Adapter.frozen`."""

@@ -17,10 +17,10 @@ from ..priors import Prior
 from ..training import Schedule, device_of, fit, in_main
 from .chain import Chain, reconstruction_loss
 from .invented import FRAMES, Lessons, batches_of, lessons
-from .space import CODES, CodedDenoiser, StyleSpace, fresh_reader, load
+from .space import CODES, CodedDenoiser, Reading, StyleSpace, fresh_reader, load
 
 STEPS, RATE, BATCH, COUNT = 10000, 1e-3, 16, 3600
-READER_STEPS, READER_RATE, READER_BATCH = 2000, 7e-4, 64
+READER_STEPS, READER_RATE, READER_BATCH, READER_COUNT = 8000, 7e-4, 64, 7200
 _BACK = 4  # of a batch so many are taken from their style to neutral
 _SHORTEST = 96
 
@@ -72,7 +72,8 @@ def train_space(prior: Prior, known: Lessons, schedule: Schedule | None = None, 
 def train_reader(space: StyleSpace, known: Lessons, schedule: Schedule | None = None, **running) -> dict:
     """Teach a network to read the code off a styled motion; the space has it afterwards. Returns its card.
 
-    What a clip does not show it guesses as the mean of all that are possible. running: as in `training.fit`.
+    It learns to guess the mean of all that are possible, and how sure that is (`doubted`). running: as in
+    `training.fit`.
     """
     schedule = schedule or Schedule(READER_STEPS, READER_RATE, decay=1e-2, average=0.995)
     torch.manual_seed(schedule.seed)
@@ -83,7 +84,7 @@ def train_reader(space: StyleSpace, known: Lessons, schedule: Schedule | None = 
         length = int(torch.randint(_SHORTEST // 4, FRAMES // 4 + 1, ())) * 4
         start = int(torch.randint(FRAMES - length + 1, ()))
         x = known.styled[chosen, start : start + length].float().to(here)
-        return ((model(x) - known.codes[chosen].to(here)) ** 2).mean()
+        return doubted(Reading.of(model(x)), known.codes[chosen].to(here))
 
     run = fit(reader, loss_of, schedule, **running)
     space.reader = reader.requires_grad_(False)
@@ -92,11 +93,30 @@ def train_reader(space: StyleSpace, known: Lessons, schedule: Schedule | None = 
     return card | {"parameters": sum(p.numel() for p in reader.parameters()), "lessons": len(known.styled)}
 
 
+def doubted(found: Reading, codes: Tensor) -> Tensor:
+    """The loss of readings of codes, both [..., C]: a Gaussian's minus log, where the unsure ones count as others do.
+
+    Each number is weighted by the spread guessed for it, through which no gradient goes (the beta-NLL of Seitzer et
+    al., 2022), or a network lets go of what it cannot read at once.
+
+    >>> far, right = torch.ones(1, 3), torch.zeros(1, 3)
+    >>> bool(doubted(Reading(far, right + 0.1), right) > doubted(Reading(far, far), right))
+    True
+    """
+    each = nn.functional.gaussian_nll_loss(found.code, codes, found.spread**2, reduction="none")
+    return (each * found.spread.detach()).mean()
+
+
 def misread(space: StyleSpace, known: Lessons) -> dict[str, float]:
-    """Mean square errors of codes read off lessons that were not learned from; `guessed`: of neutral for all."""
+    """Mean square errors of codes read off lessons that were not learned from; `guessed`: of neutral for all.
+
+    `expected`: what the reader itself thinks that its errors are.
+    """
     with torch.no_grad():
-        found = torch.cat([space.reader(known.styled[part].float()) for part in batches_of(len(known.styled), 64)])
-    errors = {"read": (found - known.codes).square().mean(), "guessed": known.codes.square().mean()}
+        said = torch.cat([space.reader(known.styled[part].float()) for part in batches_of(len(known.styled), 64)])
+    found = Reading.of(said)
+    errors = {"read": (found.code - known.codes).square().mean(), "guessed": known.codes.square().mean()}
+    errors["expected"] = found.spread.square().mean()
     return {name: round(float(value), 4) for name, value in errors.items()}
 
 
@@ -104,7 +124,7 @@ def train_reader_part(data: Dataset, steps: int | None, seed: int, command: str)
     """Train the reader of a dataset's space and write it where `space.load` finds it; returns the weights' path."""
     path, space = place_for(data.name, "reader"), load(data.name)
     schedule = Schedule(steps or READER_STEPS, READER_RATE, decay=1e-2, seed=seed, average=0.995)
-    count = COUNT if steps is None or steps >= READER_STEPS else 24
+    count = READER_COUNT if steps is None or steps >= READER_STEPS else 24
     known, fresh = lessons(space.prior, count, seed=seed), lessons(space.prior, 60, seed=seed + 1)
     card = train_reader(space, known, schedule, keep=path.with_suffix(".run"), title=path.stem)
     card = {"name": path.stem, "command": command, "data": data.name, **card, "licence": "MIT"}

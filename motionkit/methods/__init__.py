@@ -2,7 +2,7 @@
 
 >>> import motionkit as mk
 >>> mk.methods.names()
-['copy-content', 'copy-style', 'few-shot', 'knn-dtw', 'linear', 'statistics']
+['copy-content', 'copy-style', 'few-shot', 'knn-dtw', 'linear', 'statistics', 'style-erd']
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ _METHODS = {
     "knn-dtw": ("neighbours", "KnnDtw"),
     "linear": ("linear", "Linear"),
     "statistics": ("statistics", "Statistics"),
+    "style-erd": ("style_erd", "StyleErdMethod"),
 }
 
 BASELINES = ("copy-content", "copy-style", "knn-dtw", "linear", "statistics")  # to be beaten: no network learns in them

@@ -47,6 +47,7 @@ _HOMES = {
     "LossCurve": "loss_curve",
     "PromptBox": "prompt_box",
     "StyleLesson": "style_lesson",
+    "Live": "live",
     "plot_similarity": "text_plots",
     "feature_map": "feature_maps",
     "embed": "feature_maps",

@@ -16,5 +16,6 @@ class Pictured:
     def _repr_mimebundle_(self, **more: object) -> dict:
         """The live widget, and beside it the picture."""
         bundle = super()._repr_mimebundle_(**more) or {}
+        bundle = bundle[0] if isinstance(bundle, tuple) else bundle  # anywidget gives its metadata too
         png, told = base64.b64encode(self.still()).decode(), f"({self.about}: run this cell)"
         return {**bundle, "image/png": png, "text/plain": told}

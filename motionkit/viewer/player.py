@@ -19,12 +19,12 @@ from .body import as_list, figures, per_motion
 from .pack import contact_marks, inline, pack
 
 _JS = Path(__file__).parent / "js"
-_PARTS = ("stage.js", "camera.js", "shaders.js", "gl.js", "flat.js", "player.js")
+_PARTS = ("stage.js", "camera.js", "shaders.js", "gl.js", "flat.js", "view.js")
 
 
-def script(last: str) -> str:
-    """The player's JavaScript as one module; `last` is the file that puts it to use: widget.js or page.js."""
-    return "\n".join((_JS / name).read_text(encoding="utf-8") for name in (*_PARTS, last))
+def script(*last: str) -> str:
+    """A 3D view's JavaScript as one module; `last` are the files that put it to use: player.js and widget.js."""
+    return "\n".join((_JS / name).read_text(encoding="utf-8") for name in (*_PARTS, *last))
 
 
 def prepare(
@@ -92,7 +92,7 @@ class Player(anywidget.AnyWidget):
     Player(dot: 3 frames, 1 joint)
     """
 
-    _esm = script("widget.js")
+    _esm = script("player.js", "widget.js")
     _css = (_JS / "player.css").read_text(encoding="utf-8")
     _data = traitlets.Bytes().tag(sync=True)
     _still = traitlets.Unicode().tag(sync=True)
@@ -247,7 +247,7 @@ def _write_page(data: bytes, path: str | os.PathLike, title: str, values: dict) 
     filled = {
         "title": html.escape(title),
         "css": (_JS / "player.css").read_text(encoding="utf-8"),
-        "script": script("page.js"),
+        "script": script("player.js", "page.js"),
         "values": json.dumps({"frame": 0, "playing": True, **values}),
         "data": inline(data),
     }

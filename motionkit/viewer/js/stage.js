@@ -96,6 +96,12 @@ class Stage {
     return top;
   }
 
+  // Where a character stands as a whole, for its label.
+  standing(m, time) {
+    m.follow ||= smoothPath([m], m.end);
+    return m.follow(Math.min(time, m.end));
+  }
+
   put(a, ra, b, rb, rgb, kind) {
     const o = this.count++ * STRIDE, p = this.parts;
     p[o] = a[0]; p[o + 1] = a[1]; p[o + 2] = a[2]; p[o + 3] = ra;

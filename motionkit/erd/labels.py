@@ -1,0 +1,91 @@
+"""Content and style of what comes in, guessed frame by frame where nobody says them (paper 2, section C.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from ..training import Schedule, fit
+
+FRAMES = 120  # of the windows that it learns from
+_CALM = 0.1  # how much of a guess a new frame changes, so that labels do not flicker
+
+
+class Labeller(nn.Module):
+    """A small recurrent classifier: after every frame, what the frames so far look like.
+
+    >>> guess = Labeller(joints=5, contents=3, styles=4)
+    >>> content, style, state = guess(torch.randn(2, 24, 50))
+    >>> content.shape, style.shape
+    (torch.Size([2, 24, 3]), torch.Size([2, 24, 4]))
+    """
+
+    def __init__(self, joints: int, contents: int, styles: int, size: int = 96) -> None:
+        super().__init__()
+        self.inside, self.memory = nn.Linear(10 * joints, size), nn.GRU(size, size, batch_first=True)
+        self.content, self.style = nn.Linear(size, contents), nn.Linear(size, styles)
+
+    def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
+        """Frames x [B, F, 10J] after those that left `state` [1, B, H]: scores [B, F, C] and [B, F, S], and a state."""
+        heard, state = self.memory(torch.relu(self.inside(x)), state)
+        return self.content(heard), self.style(heard), state
+
+
+class Guesses:
+    """The labels of B streams as they come in: `hear` takes a frame of each; `content` and `style` are numbers [B].
+
+    >>> guesses = Guesses(Labeller(joints=5, contents=3, styles=4).eval())
+    >>> guesses.hear(np.zeros((2, 50), "f4"))
+    >>> guesses.content.shape, guesses.style.shape
+    ((2,), (2,))
+    """
+
+    def __init__(self, labeller: Labeller) -> None:
+        self.labeller = labeller
+        self._state, self._sure = None, None
+
+    @torch.inference_mode()
+    def hear(self, x: np.ndarray) -> None:
+        """The next frame of every stream, [B, 10J]."""
+        *scores, self._state = self.labeller(torch.from_numpy(x)[:, None], self._state)
+        now = [torch.softmax(one[:, 0], 1).numpy() for one in scores]
+        self._sure = now if self._sure is None else [a + _CALM * (b - a) for a, b in zip(self._sure, now)]
+
+    @property
+    def content(self) -> np.ndarray:
+        """The likeliest content of each stream."""
+        return self._sure[0].argmax(1)
+
+    @property
+    def style(self) -> np.ndarray:
+        """The likeliest style of each stream."""
+        return self._sure[1].argmax(1)
+
+
+def train_labels(pieces, joints: int, steps: int = 1500, seed: int = 0, **running) -> Labeller:
+    """Teach it on windows, see `recipe.Pieces`; every frame counts, the first ones too. running: of `training.fit`."""
+    torch.manual_seed(seed)
+    net = Labeller(joints, len(pieces.contents), len(pieces.styles))
+
+    def loss_of(model: nn.Module, step: int) -> Tensor:
+        chosen = torch.randint(len(pieces.x), (32,))
+        content, style, _ = model(pieces.x[chosen])
+        wanted = ((content, pieces.content[chosen]), (style, pieces.style[chosen]))
+        each = [nn.functional.cross_entropy(s.mT, right[:, None].expand(-1, s.shape[1])) for s, right in wanted]
+        return each[0] + each[1]
+
+    running.setdefault("title", "labels")
+    fit(net, loss_of, Schedule(steps, 2e-3, seed=seed, average=0.99), **running)
+    return net.requires_grad_(False)
+
+
+@torch.no_grad()
+def hits(labeller: Labeller, pieces) -> dict[str, float]:
+    """Per cent of windows whose content and style are right after the last frame and, `first_`, after the first."""
+    content, style, _ = labeller(pieces.x)
+    found = {}
+    for name, scores, right in (("content", content, pieces.content), ("style", style, pieces.style)):
+        for when, frame in (("", -1), ("first_", 0)):
+            found[when + name] = round(100 * float((scores[:, frame].argmax(1) == right).float().mean()), 1)
+    return found
