@@ -9,17 +9,24 @@ import motionkit as mk
 from motionkit import erd
 from motionkit.datasets import BvhSource, Item, Labels, of_items
 from motionkit.erd import recipe as recipes
+from motionkit.erd.commands import measured, train_model
+from motionkit.erd.labels import Guesses, Labeller, hits, train_labels
 from motionkit.erd.recipe import ABLATIONS, Course, ErdRecipe, Pair, Pieces, train_contents, train_erd
 from motionkit.layers import ErdConfig, FtAttCritic, MultiClassCritic, StyleErd
 
 SMALL = ErdRecipe(ErdConfig.tiny(), steps=4, batch=6, rate=1e-3, fps=30.0)
 
 
-@pytest.fixture(scope="module")
-def data():
+def four_clips():
+    """Four clips."""
     kinds = [("walk", "neutral"), ("walk", "old"), ("walk", "proud"), ("jump", "neutral")]
     paths = [(f"data/actor/{content}_{style}.bvh", content, style) for content, style in kinds]
     return of_items("mine", [Item(path[11:-4], Labels(c, s, ()), BvhSource.at(path)) for path, c, s in paths])
+
+
+@pytest.fixture(scope="module")
+def data():
+    return four_clips()
 
 
 @pytest.fixture(scope="module")
@@ -107,3 +114,44 @@ def test_rebuilding_is_learned(data, course):
     recipe = replace(SMALL, steps=60, rate=1e-2, adversarial=False, perceptual=False)
     _, run, _ = train_erd(data, recipe, contents=course.contents, title="")
     assert sum(run.losses[-5:]) < 0.6 * sum(run.losses[:5])
+
+
+def test_with_a_cycle_no_style_need_have_the_content(course, pair):
+    free = Course(course.pieces, course.skeleton, course.contents, replace(SMALL, cycle=1.0))
+    torch.manual_seed(0)
+    seen = set()
+    for _ in range(40):
+        chosen, wanted = free.draw()
+        labels = zip(course.pieces.content[chosen].tolist(), wanted.tolist())
+        seen |= {(course.pieces.contents[c], course.pieces.styles[w]) for c, w in labels}
+    assert ("jump", "old") in seen and ("jump", "proud") in seen
+    jump, old = (torch.tensor([kind.index(name)] * 3) for kind, name in
+                 ((course.pieces.contents, "jump"), (course.pieces.styles, "old")))  # fmt: skip
+    real, theirs = free.real(jump, old)
+    assert real.shape == (3, 24, 132) and bool((theirs != jump).all())  # of walks, since nobody jumps in this style
+    losses = []
+    for recipe in (replace(SMALL, cycle=1.0), replace(SMALL, cycle=2.0)):
+        torch.manual_seed(2)
+        losses.append(float(Course(course.pieces, course.skeleton, course.contents, recipe).loss(pair).detach()))
+    assert losses[1] > losses[0]
+    net, run, _ = train_erd(four_clips(), replace(SMALL, cycle=1.0), contents=course.contents, title="")
+    assert len(run.losses) == SMALL.steps and all(torch.isfinite(w).all() for w in net.parameters())
+
+
+def test_a_model_is_trained_and_measured(data):
+    model = train_model(data, SMALL, label_steps=3, title="")
+    assert model.styles[0] == "neutral" and model.labeller is not None and model.card["batch"] == 6
+    found = measured(model, data)
+    assert found["rebuilt_mm"] > 0 and set(found) == {"rebuilt_mm", "content", "style", "first_content", "first_style"}
+    assert all(0 <= found[name] <= 100 for name in found if name != "rebuilt_mm")
+    assert train_model(data, SMALL, label_steps=0, title="").labeller is None
+
+
+def test_labels_are_learned(data):
+    pieces = Pieces.of(data, 30.0, 60)
+    before, after = Labeller(22, 2, 3), train_labels(pieces, 22, steps=150, title="")
+    assert hits(after, pieces)["content"] > 85 and hits(after, pieces)["style"] > hits(before, pieces)["style"]
+    guesses = Guesses(after)
+    for frame in pieces.x[int((pieces.content == pieces.contents.index("jump")).nonzero()[0])].numpy():
+        guesses.hear(frame[None])
+    assert pieces.contents[int(guesses.content[0])] == "jump"

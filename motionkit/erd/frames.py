@@ -14,6 +14,7 @@ from ..motion import Motion, facing_of
 from ..restyling import body_of
 from ..skeleton import Skeleton
 
+SETTLE = 0.3  # how much of the way to where its feet stand a body rises or falls in a frame, beside its velocity
 TENTH = 10.0  # velocities are in metres a tenth of a second: of about the size of positions
 
 
@@ -104,12 +105,13 @@ def motion_from(content: Motion, frames: Frames, rotations: Tensor, velocities: 
     """The network's answers for all frames as a motion on the content's body, which starts where the content does.
 
     rotations, velocities: of `split`, [F, J, 4] and [F, J, 3]. Facing is the content's; the path is the root's velocity
-    added up.
+    added up. Its height is, too, and drawn to where the lower foot is as high as the content's: that height alone
+    would jump a little whenever the other foot becomes the lower one.
     """
     body = body_of(content)
     skeleton, offsets = body.skeleton, body.translations
     low = lowest_foot(skeleton, frames.positions)
-    height = placed_positions(skeleton, offsets, rotations, low)[:, 0, 1]
+    height = settled(placed_positions(skeleton, offsets, rotations, low)[:, 0, 1], velocities[:, 0, 1], body.fps)
     facing = rot.yaw_to_quaternion(frames.yaw)
     step = velocities[:, 0] * velocities.new_tensor([1.0, 0.0, 1.0]) * (TENTH / body.fps)
     step[0] = 0
@@ -118,3 +120,15 @@ def motion_from(content: Motion, frames: Frames, rotations: Tensor, velocities: 
     turned = torch.cat((rot.quaternion_multiply(facing, rotations[:, 0])[:, None], rotations[:, 1:]), 1)
     translations = torch.cat((root[:, None], offsets[:, 1:]), 1)
     return content.with_body(body.replace(rotations=turned, translations=translations))
+
+
+def settled(heights: Tensor, speeds: Tensor, fps: float) -> Tensor:
+    """The root's heights [F] from those by the lower foot [F] and its vertical velocities [F], metres a tenth second.
+
+    >>> settled(torch.tensor([1.0, 2.0, 2.0]), torch.zeros(3), 60.0)
+    tensor([1.0000, 1.3000, 1.5100])
+    """
+    found = [heights[0]]
+    for height, up in zip(heights[1:], speeds[1:] * (TENTH / fps)):
+        found.append(torch.lerp(found[-1] + up, height, SETTLE))
+    return torch.stack(found)

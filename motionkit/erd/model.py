@@ -66,13 +66,15 @@ class ErdModel:
     def wanted(self, style: str | Mapping[str, float], strength: float = 1.0) -> np.ndarray:
         """How much of each style, [S], from a name or a mix such as {"old": 0.5, "proud": 0.5} (paper 2, section 4.4).
 
-        What a mix leaves of 1 is neutral. Raises MotionKitError for unknown styles and numbers that are not finite.
+        What a mix leaves of 1 is neutral, and what is beyond 1 is taken from it. Raises MotionKitError for unknown
+        styles and numbers that are not finite.
         """
         mix, found = {style: 1.0} if isinstance(style, str) else dict(style), np.zeros(len(self.styles), np.float32)
         for name, share in mix.items():
             if not isinstance(share, int | float) or not math.isfinite(share * strength):
                 raise MotionKitError(f"the share of style {name!r} must be a finite number; found {share!r}")
             found[self.number("style", name)] += share * strength
+        found[0] = 1 - found[1:].sum()
         return found
 
     def save(self, path: str | os.PathLike) -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import torch
 from torch import Tensor, nn
@@ -35,8 +35,10 @@ OVERLAP = 4  # frames of two windows (paper 2, section 4.1)
 class ErdRecipe:
     """How it is trained. steps, batch, rate: of the generator; slower: the critic's rate over it.
 
-    adversarial, perceptual, attention, beginnings: false leaves that part out (table 1). fps: of the windows. `paper()`
-    is as published, `laptop()` has the same parts and sizes.
+    adversarial, perceptual, attention, beginnings: false leaves that part out (table 1). fps: of the windows. cycle:
+    above 0, styles need not have been seen doing the same (beyond the paper, its sections C.1 and C.3): the critic is
+    shown whatever there is of a style, and what was told in another style must come back as it was, which counts so
+    much. `paper()` is as published, `laptop()` has the same parts and sizes.
     """
 
     config: ErdConfig = ErdConfig()
@@ -49,6 +51,7 @@ class ErdRecipe:
     perceptual: bool = True
     attention: bool = True
     beginnings: bool = True
+    cycle: float = 0.0
 
     @classmethod
     def paper(cls, windows: int) -> ErdRecipe:
@@ -145,12 +148,13 @@ class Course:
     def draw(self) -> tuple[Tensor, Tensor]:
         """Windows by chance, long [B], and the style that each is to be told in, long [B] (paper 2, section 3.2).
 
-        Neutral ones go to any other style that has this content, styled ones to neutral.
+        Neutral ones go to any other style that has this content, styled ones to neutral. With a cycle the content does
+        not matter.
         """
         chosen = torch.randint(len(self.pieces.x), (self.recipe.batch,))
         wanted = []
         for content, style in zip(self.pieces.content[chosen].tolist(), self.pieces.style[chosen].tolist()):
-            others = [s for c, s in self.members if c == content and s != 0]
+            others = sorted({s for c, s in self.members if s != 0 and (c == content or self.recipe.cycle)})
             wanted.append(others[int(torch.rand(()) * len(others))] if style == 0 and others else 0)
         return chosen, torch.tensor(wanted)
 
@@ -159,39 +163,52 @@ class Course:
         """See `Pieces.members`."""
         return self.pieces.members()
 
-    def real(self, content: Tensor, style: Tensor) -> Tensor:
-        """For each content and style a real window by chance, [B, F, 6J]: the paired motion, not in step with it."""
-        own = [self.members[kind] for kind in zip(content.tolist(), style.tolist())]
+    @cached_property
+    def by_style(self) -> dict[int, Tensor]:
+        """The windows of every style."""
+        return {s: torch.nonzero(self.pieces.style == s)[:, 0] for s in set(self.pieces.style.tolist())}
+
+    def real(self, content: Tensor, style: Tensor) -> tuple[Tensor, Tensor]:
+        """For each content and style a real window by chance, [B, F, 6J], and its content, long [B].
+
+        It is the paired motion, not in step with it; with a cycle, any motion in this style.
+        """
+        kinds = zip(content.tolist(), style.tolist())
+        own = [self.by_style[kind[1]] if self.recipe.cycle else self.members[kind] for kind in kinds]
         rows = torch.stack([kind[int(torch.rand(()) * len(kind))] for kind in own])
-        return self.pieces.x[rows][..., 4 * len(self.skeleton) :]
+        return self.pieces.x[rows][..., 4 * len(self.skeleton) :], self.pieces.content[rows]
 
     def loss(self, pair: Pair) -> Tensor:
         """One step's loss of both, eqs. 8 and 9 of paper 2 together: neither's gradient reaches the other."""
         recipe, joints = self.recipe, len(self.skeleton)
         chosen, target = self.draw()
-        x, offsets = self.pieces.x[chosen], self.pieces.offsets[chosen][:, None]
-        content, style = self.pieces.content[chosen], self.pieces.style[chosen]
-        came = _parts(x, joints)
-        low = lowest_foot(self.skeleton, came[1])
-        net = pair.generator
+        x, content, style = (part[chosen] for part in (self.pieces.x, self.pieces.content, self.pieces.style))
+        came, net = _parts(x, joints), pair.generator
+        offsets, low = self.pieces.offsets[chosen][:, None], lowest_foot(self.skeleton, came[1])
+        place = partial(placed_positions, self.skeleton, offsets, lowest=low)
         heard, _ = net.listen(x, content, style)
         rebuilt, told = (split(net.say(heard, net.weights_of(own))) for own in (style, target))
-        again, made = (placed_positions(self.skeleton, offsets, turns, low) for turns, _ in (rebuilt, told))
-        rebuilding = rebuilding_loss((came[0], rebuilt[0]), (came[1], again), (came[2], rebuilt[1]))
+        made = place(told[0])
+        rebuilding = rebuilding_loss((came[0], rebuilt[0]), (came[1], place(rebuilt[0])), (came[2], rebuilt[1]))
         fake = torch.cat((made.flatten(2), told[1].flatten(2)), 2)
+        after = torch.cat((told[0].flatten(2), fake), 2)
+        if recipe.cycle:
+            back = split(net(after, content, target, net.weights_of(style))[0])
+            returned = rebuilding_loss((came[0], back[0]), (came[1], place(back[0])), (came[2], back[1]))
+            rebuilding = rebuilding + recipe.cycle * returned
         nothing = x.new_zeros(())
         adversarial = adversarial_loss(pair.judged(fake, target, content)) if recipe.adversarial else nothing
-        perceptual = nothing
-        if recipe.perceptual:
-            after = torch.cat((told[0].flatten(2), fake), 2)
-            perceptual = perceptual_loss(self.contents(x)[1], self.contents(after)[1])
-        total = generator_total(rebuilding, adversarial, perceptual)
-        if not recipe.adversarial:
-            return total
-        real = self.real(content, target).clone().requires_grad_()
-        answers = pair.critic(real, target, content)
-        critic = critic_loss(answers, pair.critic(fake.detach(), target, content))
-        return total + critic_total(critic, gradient_penalty(answers, real))
+        kept = perceptual_loss(self.contents(x)[1], self.contents(after)[1]) if recipe.perceptual else nothing
+        total = generator_total(rebuilding, adversarial, kept)
+        return total + self._critics(pair, fake.detach(), target, content) if recipe.adversarial else total
+
+    def _critics(self, pair: Pair, fake: Tensor, style: Tensor, content: Tensor) -> Tensor:
+        """The critic's loss of motions [B, F, 6J] that were made in styles, and of real ones (eq. 9)."""
+        real, theirs = self.real(content, style)
+        real = real.clone().requires_grad_()
+        answers = pair.critic(real, style, theirs)
+        critic = critic_loss(answers, pair.critic(fake, style, content))
+        return critic_total(critic, gradient_penalty(answers, real))
 
 
 def _parts(x: Tensor, joints: int) -> tuple[Tensor, Tensor, Tensor]:

@@ -10,7 +10,7 @@ import torch
 from ..errors import MotionKitError
 from ..motion import Motion
 from ..restyling import body_of
-from .frames import TENTH
+from .frames import SETTLE, TENTH
 from .labels import Guesses
 from .model import ErdModel
 from .quick_body import turned, yawed
@@ -151,10 +151,11 @@ class ErdStream:
         lying[:, 0] = 0
         height = low - body.lowest(body.places(made, lying))
         if self._before is not None:
-            step = y[:, None, 4 * joints : 4 * joints + 3] * np.float32([1, 0, 1]) * np.float32(TENTH / self.model.fps)
-            self._path = self._path + turned(yaw, step)[:, 0]
+            step = turned(yaw, y[:, None, 4 * joints : 4 * joints + 3] * np.float32(TENTH / self.model.fps))[:, 0]
+            self._path = self._path + step
+            height = self._path[:, 1] + np.float32(SETTLE) * (height - self._path[:, 1])
+        self._path[:, 1] = height
         root = self._path.copy()
-        root[:, 1] = height
         made[:, 0] = yawed(yaw, made[:, 0])
         return made.astype(np.float32), root.astype(np.float32)
 

@@ -134,7 +134,8 @@ class StyleErd(nn.Module):
 
     def weights_of(self, style: Tensor, strength: float = 1.0) -> Tensor:
         """How much of each style `forward` is to add [B, S], for one style each, long [B] (paper 2, section 4.4)."""
-        return strength * nn.functional.one_hot(style, self.styles).float()
+        plain = nn.functional.one_hot(torch.zeros_like(style), self.styles).float()
+        return torch.lerp(plain, nn.functional.one_hot(style, self.styles).float(), strength)
 
     def begin(self, content: Tensor) -> ErdState:
         """The states before the first frame, of learned beginnings (paper 2, section 3.1); content: long [B]."""
@@ -145,8 +146,9 @@ class StyleErd(nn.Module):
     ) -> tuple[Tensor, ErdState]:
         """Frames x [B, F, 10J] whose labels are content and style, long [B], to [B, F, 7J] in the styles wanted.
 
-        wanted: [B, S] or [B, F, S], how much of each style; one 1 is that style, less is a weaker one, two that add up
-        to 1 are a mix: z' = r_0(z) + sum alpha r_s(z) (paper 2, section 4.4). Of the neutral style nothing is added.
+        wanted: [B, S] or [B, F, S], how much of each style, 1 together; one 1 is that style, less of it and the rest
+        neutral a weaker one, two styles a mix: z' = r_0(z) + sum alpha r_s(z) (paper 2, section 4.4). Of the neutral style
+        nothing is added; but the decoder is told all shares.
         state: after earlier frames; left out, the learned beginning. Returns quaternions, not yet of length 1, and
         velocities; and the state after the last frame.
         """

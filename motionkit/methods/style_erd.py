@@ -17,7 +17,7 @@ from ..erd.model import ErdModel
 from ..erd.stream import ErdStream
 from ..errors import MotionKitError
 from ..motion import Motion
-from ..restyling import body_of, check_clips, named, on_body, on_the_ground, placed
+from ..restyling import body_of, check_clips, named, on_body, on_the_ground
 
 
 @lru_cache(maxsize=4)
@@ -133,7 +133,8 @@ class StyleErdMethod:
         if len(body) != len(given) or abs(body.fps - given.fps) > 1e-3:
             times = torch.arange(len(given), dtype=torch.float64) * (self.model.fps / given.fps)
             body = body.at(times.clamp(max=len(body) - 1)).replace(fps=given.fps)
-        return placed(body, given)
+        gap = given.root_path()[0] - body.root_path()[0]
+        return body.moved(offset=(float(gap[0]), 0.0, float(gap[1])))
 
 
 def _rooted(translations: Tensor, roots: Tensor) -> Tensor:

@@ -1,0 +1,112 @@
+"""A style more for a trained Style-ERD, from one clip: one residual branch learns, all else stays as it is.
+
+Beyond paper 2, whose section C.1 leaves quick adaptation to unseen styles open.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor, nn
+
+from ..errors import MotionKitError
+from ..layers import StyleErd
+from ..layers.critics import WINDOW
+from ..layers.style_erd import Branches
+from ..motion import Motion
+from ..training import Run, Schedule, fit
+from .frames import Frames, frames_of, lowest_foot, placed_positions, split
+from .losses import rebuilding_loss
+from .model import ErdModel
+
+STEPS, RATE, BATCH = 400, 3e-3, 16
+
+
+class NewBranch(nn.Module):
+    """One more branch beside those of a network, and what the decoder is told of it.
+
+    >>> from motionkit.layers import ErdConfig
+    >>> net = StyleErd(joints=5, contents=3, styles=4, config=ErdConfig.tiny())
+    >>> branch, x = NewBranch(net), torch.randn(2, 24, 50)
+    >>> branch(x, torch.tensor([0, 2]), torch.tensor([0, 0])).shape
+    torch.Size([2, 24, 35])
+    >>> branch.beside().styles
+    5
+    """
+
+    def __init__(self, network: StyleErd) -> None:
+        super().__init__()
+        self.network = (network,)  # in a tuple, so that it is no part of this module's state
+        config = network.config
+        self.branch = Branches(1, config.style, config.latent, 1)
+        self.told = nn.Parameter(torch.zeros(network.decoder[0].out_features))
+
+    def forward(self, x: Tensor, content: Tensor, style: Tensor) -> Tensor:
+        """Frames x [B, F, 10J] with labels long [B], to [B, F, 7J] in the new style."""
+        net = self.network[0]
+        one_hot = nn.functional.one_hot
+        labels = torch.cat((one_hot(style, net.styles), one_hot(content, net.contents)), 1).to(x)
+        z = net.encoder(torch.cat((x, labels[:, None].expand(-1, x.shape[1], -1)), 2))
+        mixed = net.neutral(z, net.neutral.begin(content))[0] + self.branch(z, self.branch.begin(content * 0))[0]
+        first, *rest = net.decoder
+        y = nn.functional.linear(mixed[:, :, 0], first.weight[:, : net.config.latent], first.bias) + self.told
+        for layer in rest:
+            y = layer(y)
+        return y
+
+    def beside(self) -> StyleErd:
+        """The network with one style more, the last."""
+        net = self.network[0]
+        made = StyleErd(net.joints, net.contents, net.styles + 1, net.config)
+        state, place = dict(net.state_dict()), 10 * net.joints + net.styles
+        seen = state["encoder.0.weight"]  # of the new style as one that comes in it knows nothing: as of neutral
+        neutral = seen[:, 10 * net.joints, None]
+        state["encoder.0.weight"] = torch.cat((seen[:, :place], neutral, seen[:, place:]), 1)
+        state["decoder.0.weight"] = torch.cat((state["decoder.0.weight"], self.told.detach()[:, None]), 1)
+        for name, value in self.branch.state_dict().items():
+            state[f"residual.{name}"] = torch.cat((state[f"residual.{name}"], value), 1)
+        made.load_state_dict(state)
+        return made.eval().requires_grad_(False)
+
+
+def learn_style(
+    model: ErdModel, name: str, clip: Motion, neutral: Motion, content: str, *, seed: int = 0, **running
+) -> tuple[ErdModel, Run]:
+    """Teach a model a new style from one clip and its neutral pair, in step with it (paper 2, section C.1).
+
+    clip, neutral: F frames each of the model's skeleton and rate, such as by `pairs.NeutralPairs`. content: what is
+    done. running: as in `training.fit`. The loss is the rebuilding loss (eq. 3) of the clip from its pair, with the
+    decoder, the encoder and all other branches frozen. Returns a model that knows the style, and the run; the one given
+    is not changed. Raises MotionKitError for a name that is taken, and clips that are too short or not in step.
+    """
+    if name in model.styles:
+        raise MotionKitError(f"style-erd knows a style {name!r} already; give the new one another name")
+    if len(clip) != len(neutral) or len(clip) < WINDOW:
+        raise MotionKitError(
+            f"a style is learned from a clip and a neutral one in step with it, of {WINDOW} frames at least; found "
+            f"{len(clip)} and {len(neutral)}"
+        )
+    torch.manual_seed(seed)
+    branch = NewBranch(model.network.eval().requires_grad_(False))
+    wanted, given, number = frames_of(clip), frames_of(neutral), model.number("content", content)
+    offsets, kept = clip.translations[0], [wanted.rotations, wanted.positions, wanted.velocities]
+
+    def loss_of(module: nn.Module, step: int) -> Tensor:
+        rows = torch.randint(len(clip) - WINDOW + 1, (BATCH, 1)) + torch.arange(WINDOW)
+        x = _begun(given, rows)
+        turns, speeds = split(module(x, torch.full((BATCH,), number), torch.zeros(BATCH, dtype=torch.long)))
+        aim = [part[rows] for part in kept]
+        places = placed_positions(model.skeleton, offsets, turns, lowest_foot(model.skeleton, aim[1]))
+        return rebuilding_loss((aim[0], turns), (aim[1], places), (aim[2], speeds)).sum(1).mean()
+
+    running.setdefault("title", f"learning {name!r}")
+    run = fit(branch, loss_of, Schedule(STEPS, RATE, decay=0.0, seed=seed, average=0.99), **running)
+    return replace(model, network=branch.beside(), styles=(*model.styles, name), labeller=None, card={}), run
+
+
+def _begun(frames: Frames, rows: Tensor) -> Tensor:
+    """Windows [B, F, 10J] of frames, nothing known before the first of each."""
+    x = frames.x[rows]
+    x[:, 0, -3 * frames.positions.shape[1] :] = 0
+    return x

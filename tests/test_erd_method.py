@@ -1,0 +1,98 @@
+"""Style-ERD as a method: whole clips, other rates and bodies, labels, a style more from one clip."""
+
+import pytest
+import torch
+from erd_small import CONTENTS, small_model
+
+import motionkit as mk
+from motionkit.actor import perform, retell
+from motionkit.erd.new_style import NewBranch, learn_style
+from motionkit.erd.stream import ErdStream
+from motionkit.methods.style_erd import StyleErdMethod
+
+SAID = {"content_label": "walk", "content_style": "neutral"}
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return perform("walk", "neutral", seed=2, seconds=2.0).motion
+
+
+@pytest.fixture(scope="module")
+def method():
+    return StyleErdMethod(small_model())
+
+
+def test_a_clip_is_what_its_stream_gives(method, walk):
+    made = method.stylize(walk, "old", lock=False, **SAID)
+    stream = method.stream("old", content="walk", own_style="neutral")
+    frames = [stream(walk[n : n + 1]).positions() for n in range(len(walk))]
+    moved = made.positions() - torch.cat(frames)
+    assert float((moved - moved[:1, :1]).abs().max()) < 1e-4  # but for where it begins
+    assert made.name.endswith("as old") and made.skeleton is walk.skeleton
+    assert isinstance(stream, ErdStream)
+
+
+def test_other_rates_and_bodies_come_back_as_they_were(method):
+    faster = perform("walk", "neutral", seed=1, seconds=2, fps=50).motion
+    for motion in (mk.load("data/actor/walk_neutral.bvh"), faster):
+        made = method.stylize(motion, "proud", **SAID)
+        assert (len(made), made.fps) == (len(motion), motion.fps) and made.skeleton.same_tree(motion.skeleton)
+        assert bool(made.positions().isfinite().all())
+        start = made.root_path()[0] - motion.root_path()[0]
+        assert float(start.norm()) < 0.05
+    with pytest.raises(mk.MotionKitError):
+        method.stylize(mk.load("data/actor/dog_trot_neutral.bvh"), "old", **SAID)
+
+
+def test_mixes_strengths_and_names(method, walk):
+    whole, half, none = (method.stylize(walk, "old", s, lock=False, **SAID).positions() for s in (1.0, 0.5, 0.0))
+    neutral = method.stylize(walk, "neutral", lock=False, **SAID).positions()
+    assert torch.equal(none, neutral)
+    assert not torch.equal(half, whole) and not torch.equal(half, none)
+    mixed = method.stylize(walk, {"old": 0.5, "proud": 0.5}, **SAID)
+    assert mixed.name.endswith("as old + proud")
+    with pytest.raises(mk.MotionKitError, match="did you mean 'proud'"):
+        method.stylize(walk, "prud", **SAID)
+    with pytest.raises(mk.MotionKitError, match="guesses no labels; give content_label and content_style"):
+        method.stylize(walk, "old")
+
+
+def test_labels_are_guessed_and_a_clip_may_lend_its_style(walk):
+    knowing = StyleErdMethod(small_model(labels=True))
+    label, own = knowing._recognised(walk)
+    assert label in CONTENTS
+    made = knowing.stylize(walk, "old")
+    said = knowing.stylize(walk, "old", content_label=label, content_style=own)
+    assert torch.equal(made.rotations, said.rotations)
+    lent = knowing.stylize(walk, walk, content_label="walk", content_style="neutral")
+    named = knowing.stylize(walk, own, content_label="walk", content_style="neutral")
+    assert torch.equal(lent.rotations, named.rotations) and lent.name == f"{walk.name} as {walk.name}"
+
+
+def test_a_new_branch_stands_beside_the_others_which_stay(method, walk):
+    model = method.model
+    branch = NewBranch(model.network)
+    with torch.no_grad():
+        branch.told += 0.3
+    wider, x = branch.beside(), torch.randn(1, 6, 220)
+    content, style = torch.tensor([1]), torch.tensor([0])
+    for name in (1, 2):
+        same = [net(x, content, style, net.weights_of(torch.tensor([name])))[0] for net in (model.network, wider)]
+        assert torch.allclose(*same, atol=1e-5)
+    new = wider(x, content, style, wider.weights_of(torch.tensor([3])))[0]
+    assert torch.allclose(new, branch(x, content, style), atol=1e-5)
+
+
+def test_one_clip_teaches_a_style_more(walk):
+    model, played = small_model(), perform("walk", "neutral", seed=3, seconds=2.0)
+    angry = retell(played, "angry").along(played)
+    wider, run = learn_style(model, "angry", angry, played.motion, "walk", title="")
+    assert sum(run.losses[-20:]) < 0.98 * sum(run.losses[:20])  # a decoder by chance can say little
+    assert wider.styles == (*model.styles, "angry") and len(model.styles) == 3
+    old = [StyleErdMethod(one).stylize(walk, "old", **SAID).rotations for one in (model, wider)]
+    assert torch.allclose(*old, atol=1e-4)
+    with pytest.raises(mk.MotionKitError, match="knows a style 'old' already"):
+        learn_style(model, "old", angry, played.motion, "walk")
+    with pytest.raises(mk.MotionKitError, match="in step with it"):
+        learn_style(model, "new", angry[:10], played.motion, "walk")
