@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from . import diffusion_exercises, few_shot_exercises
+from . import diffusion_exercises, few_shot_exercises, style_erd_exercises
 from . import rotations as rot
 from .alignment import dtw_costs
 from .contacts import foot_sliding
@@ -252,7 +252,7 @@ _EXERCISES = {
 }
 _EXERCISES |= {
     name: Exercise(*parts)
-    for module in (diffusion_exercises, few_shot_exercises)
+    for module in (diffusion_exercises, few_shot_exercises, style_erd_exercises)
     for name, parts in module.EXERCISES.items()
 }
 
@@ -325,7 +325,7 @@ def _difference(got: Tensor, wanted: Tensor) -> str | None:
     """In words, what is wrong with an answer; None where nothing is."""
     if got.shape != wanted.shape:
         return f"the shape is {list(got.shape)}; expected {list(wanted.shape)}."
-    got, wanted = got.double(), wanted.double()
+    got, wanted = got.detach().double(), wanted.detach().double()
     if not torch.isfinite(got).all():
         return "some numbers are not finite: where do you divide by 0, or take the root of less than 0?"
     near = 1e-4 * max(1.0, float(wanted.abs().max()))

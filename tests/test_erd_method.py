@@ -60,7 +60,7 @@ def test_mixes_strengths_and_names(method, walk):
 
 def test_labels_are_guessed_and_a_clip_may_lend_its_style(walk):
     knowing = StyleErdMethod(small_model(labels=True))
-    label, own = knowing._recognised(walk)
+    label, own = knowing.recognised(walk)
     assert label in CONTENTS
     made = knowing.stylize(walk, "old")
     said = knowing.stylize(walk, "old", content_label=label, content_style=own)
@@ -72,7 +72,7 @@ def test_labels_are_guessed_and_a_clip_may_lend_its_style(walk):
 
 def test_a_new_branch_stands_beside_the_others_which_stay(method, walk):
     model = method.model
-    branch = NewBranch(model.network)
+    branch = NewBranch(model.network, like=2)
     with torch.no_grad():
         branch.told += 0.3
     wider, x = branch.beside(), torch.randn(1, 6, 220)

@@ -165,3 +165,17 @@ def test_labels_that_nobody_says_are_guessed(model, walk, tmp_path):
     stream.own_style = "neutral"
     stream(walk[:1])
     assert stream.labels[0][1] == "neutral"
+
+
+def test_guesses_are_the_labellers_own(walk):
+    torch.manual_seed(3)
+    labeller, x = Labeller(22, 4, 5).eval(), frames_of(walk).x
+    guesses, calm = Guesses(labeller), []
+    with torch.no_grad():
+        scores = labeller(x[None])[:2]
+    for n in range(len(x)):
+        guesses.hear(x[n : n + 1].numpy())
+        now = [torch.softmax(one[0, n], 0) for one in scores]
+        calm = now if not calm else [a + 0.1 * (b - a) for a, b in zip(calm, now)]
+        for mine, theirs in zip(guesses._sure, calm):
+            assert np.abs(mine[0] - theirs.numpy()).max() < 1e-4

@@ -29,7 +29,7 @@ from motionkit.erd.recipe import ABLATIONS
 from motionkit.methods.style_erd import StyleErdMethod
 
 RESULT = ROOT / "results" / "style-erd.json"
-ROW_STEPS = 3000  # of every row of table 1; the shipped model has more
+ROW_STEPS = 2000  # of every row of table 1; the shipped model has more
 COLUMNS = ("fmd", "fmd_ae", "cra", "sra", "truth_error", "fsf", "fca", "jitter", "seconds")
 TABLE_1 = Protocol(
     "table 1", "neutral to styled", columns=COLUMNS, about="A neutral clip of each content in every other style."
@@ -82,10 +82,7 @@ def speed(model: ErdModel, figures: dict) -> None:
 def beginnings(model: ErdModel, figures: dict) -> list[dict]:
     """Figure 5: how far the first frames are from the performer's own, over all contents and styles."""
     errors: dict[str, list] = {"learned": [], "zero": []}
-    bare = ErdModel(*(getattr(model, name) for name in ("network", "contents", "styles", "skeleton", "fps", "labeller")))
-    for part in (bare.fast._neutral, bare.fast._styles):
-        for numbers in part:
-            numbers.flags.writeable = True
+    bare = ErdModel(model.network, model.contents, model.styles, model.skeleton, model.fps)
     bare.fast._neutral, bare.fast._styles = (
         tuple(np.zeros_like(numbers) for numbers in part) for part in (bare.fast._neutral, bare.fast._styles)
     )
@@ -107,7 +104,8 @@ def beginnings(model: ErdModel, figures: dict) -> list[dict]:
 def switches(model: ErdModel, figures: dict) -> None:
     """Jerk where the style is switched, every half second, over what the clip itself reaches elsewhere."""
     walk = perform("walk", "neutral", seed=2, seconds=20.0, fps=model.fps).motion
-    stream, chance = StyleErdMethod(model).stream("neutral", content="walk", own_style="neutral"), np.random.default_rng(0)
+    stream = StyleErdMethod(model).stream("neutral", content="walk", own_style="neutral")
+    chance = np.random.default_rng(0)
     turns, places, marks, made = walk.rotations.numpy(), walk.translations.numpy(), [], []
     for n in range(len(walk)):
         if n and n % 30 == 0:

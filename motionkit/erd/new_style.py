@@ -17,30 +17,36 @@ from ..layers.style_erd import Branches
 from ..motion import Motion
 from ..training import Run, Schedule, fit
 from .frames import Frames, frames_of, lowest_foot, placed_positions, split
-from .losses import rebuilding_loss
+from .losses import quaternion_loss, rebuilding_loss
 from .model import ErdModel
 
-STEPS, RATE, BATCH = 400, 3e-3, 16
+STEPS, RATE, BATCH = 400, 1e-3, 16
+_STAY = 1.0  # how much it counts how far the new branch goes from where it began
 
 
 class NewBranch(nn.Module):
     """One more branch beside those of a network, and what the decoder is told of it.
 
+    like: the number of a known style whose branch it begins as.
+
     >>> from motionkit.layers import ErdConfig
     >>> net = StyleErd(joints=5, contents=3, styles=4, config=ErdConfig.tiny())
-    >>> branch, x = NewBranch(net), torch.randn(2, 24, 50)
+    >>> branch, x = NewBranch(net, like=2), torch.randn(2, 24, 50)
     >>> branch(x, torch.tensor([0, 2]), torch.tensor([0, 0])).shape
     torch.Size([2, 24, 35])
     >>> branch.beside().styles
     5
     """
 
-    def __init__(self, network: StyleErd) -> None:
+    def __init__(self, network: StyleErd, like: int) -> None:
         super().__init__()
         self.network = (network,)  # in a tuple, so that it is no part of this module's state
         config = network.config
         self.branch = Branches(1, config.style, config.latent, 1)
-        self.told = nn.Parameter(torch.zeros(network.decoder[0].out_features))
+        known = {name: value[:, like - 1 : like] for name, value in network.residual.state_dict().items()}
+        self.branch.load_state_dict(known)
+        self.told = nn.Parameter(network.decoder[0].weight[:, config.latent + like].detach().clone())
+        self.began = tuple(value.detach().clone() for value in self.parameters())
 
     def forward(self, x: Tensor, content: Tensor, style: Tensor) -> Tensor:
         """Frames x [B, F, 10J] with labels long [B], to [B, F, 7J] in the new style."""
@@ -54,6 +60,10 @@ class NewBranch(nn.Module):
         for layer in rest:
             y = layer(y)
         return y
+
+    def gone(self) -> Tensor:
+        """How far it is from where it began, squared."""
+        return sum(((now - then) ** 2).sum() for now, then in zip(self.parameters(), self.began))
 
     def beside(self) -> StyleErd:
         """The network with one style more, the last."""
@@ -77,8 +87,10 @@ def learn_style(
 
     clip, neutral: F frames each of the model's skeleton and rate, such as by `pairs.NeutralPairs`. content: what is
     done. running: as in `training.fit`. The loss is the rebuilding loss (eq. 3) of the clip from its pair, with the
-    decoder, the encoder and all other branches frozen. Returns a model that knows the style, and the run; the one given
-    is not changed. Raises MotionKitError for a name that is taken, and clips that are too short or not in step.
+    decoder, the encoder and all other branches frozen. The new branch begins as that of the known style that comes
+    nearest, and stays near it: what a clip does not show, it then does as that style. Returns a model that knows the
+    style, and the run; the one given is not changed. Raises MotionKitError for a name that is taken, and clips that are
+    too short or not in step.
     """
     if name in model.styles:
         raise MotionKitError(f"style-erd knows a style {name!r} already; give the new one another name")
@@ -87,22 +99,33 @@ def learn_style(
             f"a style is learned from a clip and a neutral one in step with it, of {WINDOW} frames at least; found "
             f"{len(clip)} and {len(neutral)}"
         )
-    torch.manual_seed(seed)
-    branch = NewBranch(model.network.eval().requires_grad_(False))
+    network = model.network.eval().requires_grad_(False)
     wanted, given, number = frames_of(clip), frames_of(neutral), model.number("content", content)
-    offsets, kept = clip.translations[0], [wanted.rotations, wanted.positions, wanted.velocities]
+    branch = NewBranch(network, like=_nearest(network, given, wanted, number))
+    offsets = clip.translations[0]
 
     def loss_of(module: nn.Module, step: int) -> Tensor:
         rows = torch.randint(len(clip) - WINDOW + 1, (BATCH, 1)) + torch.arange(WINDOW)
         x = _begun(given, rows)
-        turns, speeds = split(module(x, torch.full((BATCH,), number), torch.zeros(BATCH, dtype=torch.long)))
-        aim = [part[rows] for part in kept]
-        places = placed_positions(model.skeleton, offsets, turns, lowest_foot(model.skeleton, aim[1]))
-        return rebuilding_loss((aim[0], turns), (aim[1], places), (aim[2], speeds)).sum(1).mean()
+        made = split(module(x, torch.full((BATCH,), number), torch.zeros(BATCH, dtype=torch.long)))
+        aim = wanted.rotations[rows], wanted.positions[rows], wanted.velocities[rows]
+        places = placed_positions(model.skeleton, offsets, made[0], lowest_foot(model.skeleton, aim[1]))
+        missed = rebuilding_loss((aim[0], made[0]), (aim[1], places), (aim[2], made[1]))
+        return missed.sum(1).mean() + _STAY * module.gone()
 
     running.setdefault("title", f"learning {name!r}")
     run = fit(branch, loss_of, Schedule(STEPS, RATE, decay=0.0, seed=seed, average=0.99), **running)
     return replace(model, network=branch.beside(), styles=(*model.styles, name), labeller=None, card={}), run
+
+
+@torch.no_grad()
+def _nearest(network: StyleErd, given: Frames, wanted: Frames, content: int) -> int:
+    """The known style whose rotations come nearest to the wanted ones, by its number."""
+    found, labels = [], (torch.tensor([content]), torch.tensor([0]))
+    for style in range(1, network.styles):
+        turns = split(network(given.x[None], *labels, network.weights_of(torch.tensor([style])))[0][0])[0]
+        found.append(float(quaternion_loss(wanted.rotations, turns).mean()))
+    return 1 + found.index(min(found))
 
 
 def _begun(frames: Frames, rows: Tensor) -> Tensor:

@@ -200,7 +200,7 @@ class ErdStream:
             odd = next((a for a, b in zip(body.skeleton.names, model.skeleton.names) if a != b), "another tree")
             raise MotionKitError(
                 f"the stream's frames stand on another skeleton than the model's, or on its joints in another order "
-                f"(first at {odd!r}); bring them on it first, mk.retarget(motion, like)"
+                f"(first at {odd!r}); bring them on it first, method.seen(motion)"
             )
         if abs(frame.fps - model.fps) > 1e-3:
             raise MotionKitError(f"this model takes {model.fps:g} frames a second; found {frame.fps:g}: resample first")

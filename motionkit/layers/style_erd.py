@@ -147,8 +147,8 @@ class StyleErd(nn.Module):
         """Frames x [B, F, 10J] whose labels are content and style, long [B], to [B, F, 7J] in the styles wanted.
 
         wanted: [B, S] or [B, F, S], how much of each style, 1 together; one 1 is that style, less of it and the rest
-        neutral a weaker one, two styles a mix: z' = r_0(z) + sum alpha r_s(z) (paper 2, section 4.4). Of the neutral style
-        nothing is added; but the decoder is told all shares.
+        neutral a weaker one, two styles a mix: z' = r_0(z) + sum alpha r_s(z) (paper 2, section 4.4). Of the neutral
+        style nothing is added; but the decoder is told all shares.
         state: after earlier frames; left out, the learned beginning. Returns quaternions, not yet of length 1, and
         velocities; and the state after the last frame.
         """

@@ -36,11 +36,13 @@ class StyleErdMethod:
     >>> method, walk = mk.methods.load("style-erd"), mk.load("data/actor/walk_neutral.bvh")
     >>> method.stylize(walk, style="old")
     Motion('walk_neutral as old', 120 frames at 30 fps, 4.0 s, 22 joints)
-    >>> stream, frames = method.stream(style="old"), walk.resample(60)
-    >>> stream(frames[0:1])
+    >>> stream, frames = method.stream(style="old"), method.seen(walk)
+    >>> for n in range(60):
+    ...     made = stream(frames[n : n + 1])
+    >>> made
     Motion('walk_neutral', 1 frame at 60 fps, 0.0 s, 22 joints)
-    >>> stream.labels
-    [('walk', 'neutral')]
+    >>> stream.labels[0][1]
+    'neutral'
     """
 
     name = "style-erd"
@@ -82,7 +84,7 @@ class StyleErdMethod:
         check_clips(self.name, content, content, strength)
         given, seen, what = body_of(content), self.seen(content), style
         if isinstance(style, Motion):
-            style = self._recognised(self.seen(style))[1]
+            style = self.recognised(style)[1]
         label, own = self._labelled(seen, content_label, content_style)
         body = self._back(self._run(seen, style, strength, label, own), given)
         if lock:
@@ -101,6 +103,20 @@ class StyleErdMethod:
         """`stylize` for labelled clips, as the arena asks."""
         return self.stylize(content.motion, style.style, content_label=content.content, content_style=content.style)
 
+    def recognised(self, motion: Motion) -> tuple[str, str]:
+        """Content and style that most frames of a motion look like, after those before them.
+
+        Raises MotionKitError where the model guesses no labels.
+        """
+        if self.model.labeller is None:
+            raise MotionKitError("style-erd: this model guesses no labels; give content_label and content_style")
+        guesses, votes = Guesses(self.model.labeller), [np.zeros(len(k)) for k in (self.model.contents, self.styles)]
+        for frame in frames_of(self.seen(motion)).x.numpy():
+            guesses.hear(frame[None])
+            votes[0][guesses.content] += 1
+            votes[1][guesses.style] += 1
+        return self.model.contents[votes[0].argmax()], self.styles[votes[1].argmax()]
+
     def _run(self, seen: Motion, style: object, strength: float, label: str, own: str) -> Motion:
         """A motion of the model's skeleton and rate through a stream of its own."""
         stream = ErdStream(self.model, style, strength, content=label, own_style=own)
@@ -112,19 +128,8 @@ class StyleErdMethod:
         """Labels as given, the others recognised."""
         if content is not None and style is not None:
             return content, style
-        found = self._recognised(seen)
+        found = self.recognised(seen)
         return found[0] if content is None else content, found[1] if style is None else style
-
-    def _recognised(self, seen: Motion) -> tuple[str, str]:
-        """What most frames of a motion look like, after those before them."""
-        if self.model.labeller is None:
-            raise MotionKitError("style-erd: this model guesses no labels; give content_label and content_style")
-        guesses, votes = Guesses(self.model.labeller), [np.zeros(len(k)) for k in (self.model.contents, self.styles)]
-        for frame in frames_of(seen).x.numpy():
-            guesses.hear(frame[None])
-            votes[0][guesses.content] += 1
-            votes[1][guesses.style] += 1
-        return self.model.contents[votes[0].argmax()], self.styles[votes[1].argmax()]
 
     def _back(self, body: Motion, given: Motion) -> Motion:
         """What the model made, on the content's body and in its frames."""

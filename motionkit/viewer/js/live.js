@@ -162,8 +162,9 @@ class Live extends View {
     g.setLineDash([3, 3]);
     for (const [a, b] of [[[0, y(1)], [PAD, y(1)]], [[PAD / 2, 0], [PAD / 2, PAD]]]) { g.beginPath(); g.moveTo(...a); g.lineTo(...b); g.stroke(); }
     g.setLineDash([]);
-    g.fillText("beyond", 5, 13); g.fillText("all of it", 5, y(1) + 13); g.fillText("neutral", 5, PAD - 5);
-    g.textAlign = "right"; g.fillText(right, PAD - 5, y(1) + 27); g.textAlign = "left"; g.fillText(left, 5, y(1) + 27);
+    const say = (text, x, y, side) => { g.textAlign = side; g.fillText(text, x, y); };
+    say("beyond", PAD / 2 + 5, 13, "left"); say("all of it", PAD / 2 + 5, y(1) + 13, "left"); say("neutral", PAD / 2 + 5, PAD - 6, "left");
+    say(left, 6, y(0.5), "left"); say(right, PAD - 6, y(0.5), "right");
     g.beginPath(); g.arc(clamp(mix * PAD, 7, PAD - 7), clamp(y(strength), 7, PAD - 7), 7, 0, 2 * Math.PI);
     g.fillStyle = colour("--mk-accent"); g.fill(); g.lineWidth = 2; g.strokeStyle = colour("--mk-bar"); g.stroke();
   }
