@@ -39,8 +39,8 @@ class StyleErdMethod:
     >>> stream, frames = method.stream(style="old"), method.seen(walk)
     >>> for n in range(60):
     ...     made = stream(frames[n : n + 1])
-    >>> made
-    Motion('walk_neutral', 1 frame at 60 fps, 0.0 s, 22 joints)
+    >>> len(made), made.fps
+    (1, 60.0)
     >>> stream.labels[0][1]
     'neutral'
     """
