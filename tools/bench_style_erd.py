@@ -87,7 +87,7 @@ def beginnings(model: ErdModel, figures: dict) -> list[dict]:
         tuple(np.zeros_like(numbers) for numbers in part) for part in (bare.fast._neutral, bare.fast._styles)
     )
     for k, content in enumerate(model.contents):
-        played = perform(content, "neutral", seed=700 + k, seconds=2.0, fps=model.fps, performer=46)
+        played = perform(content, "neutral", seed=700 + k, seconds=4.0, fps=model.fps, performer=46)
         for style in model.styles[1:]:
             answer = retell(played, style).along(played)
             for name, one in (("learned", model), ("zero", bare)):
