@@ -11,7 +11,7 @@ IN := $(VENV)/bin/python
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-diffusion bench-few-shot bench-io fuzz pins clean
+.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-diffusion bench-few-shot bench-io bench-style-erd fuzz pins clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -53,6 +53,9 @@ bench-few-shot: $(READY) ## measure few-shot style transfer (paper 1) into resul
 
 bench-io: $(READY) ## measure reading and kinematics into results/io.json
 	$(IN) tools/bench_io.py
+
+bench-style-erd: $(READY) ## measure Style-ERD (paper 2) into results/style-erd.json
+	$(IN) tools/bench_style_erd.py
 
 fuzz: $(READY) ## nightly: the BVH reader against 20,000 broken files
 	MOTIONKIT_FUZZ=20000 $(IN) -m pytest -q tests/test_bvh_fuzz.py
