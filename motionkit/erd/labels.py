@@ -13,7 +13,7 @@ _CALM = 0.1  # how much of a guess a new frame changes, so that labels do not fl
 
 
 class Labeller(nn.Module):
-    """A small recurrent classifier: after every frame, what the frames so far look like.
+    """A small recurrent classifier (paper 2, supplement C.1): after every frame, what the frames so far look like.
 
     >>> guess = Labeller(joints=5, contents=3, styles=4)
     >>> content, style, state = guess(torch.randn(2, 24, 50))

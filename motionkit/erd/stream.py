@@ -17,7 +17,7 @@ from .quick_body import turned, yawed
 
 
 class ErdStream:
-    """B streams through a model at once, each with its own state: call it with one frame of each.
+    """B streams through a model at once (paper 2, section 4.3): call it with one frame of each, each has its own state.
 
     model: trained. style: a name, or a mix; strength: how much of it; both may be set at any frame and count from the
     next one on: `stream.style = "old"`, or a list with one for each stream. content, own_style: labels of what comes
