@@ -58,6 +58,21 @@ TARGETS = {
         "bandai_sra": 60.11,
         "sra_without_semantic_ratio": 0.5,
     },
+    "style-erd": {
+        "network_ms": 0.2,
+        "whole_ms": 0.4,
+        "frames_per_s": 30_000,
+        "late_over_early_ratio": 1.1,
+        "off_from_eager_ratio": 1e-5,
+        "first_frame_error_ratio": 1.5,
+        "switch_jerk_ratio": 1,
+        "training_seconds": 5400,
+        "fmd_over_best_ratio": 1,
+        "fmd_ae_over_best_ratio": 1,
+        "truth_error_over_best_ratio": 1,
+        "cra_over_best_share": 1,
+        "sra_over_best_share": 1,
+    },
     "diffusion": {
         "paper_call_ms": 52,
         "paper_ddim20_seconds": 1.0,
@@ -133,3 +148,13 @@ def test_the_few_shot_tables_have_all_rows_of_the_paper():
     held = {row["method"]: row for row in tables["held_back"]}
     assert set(held) == {"few-shot", "few-shot, adapter", "told the numbers", *mk.methods.BASELINES, "real"}
     assert held["told the numbers"]["truth_error"] < held["few-shot"]["truth_error"]  # the bound is one
+
+
+def test_the_style_erd_tables_have_all_rows_of_the_paper():
+    tables = result("style-erd")["tables"]
+    rows = {row["method"]: row for row in tables["table_1"]}
+    assert set(rows) == {*mk.erd.ABLATIONS, "real"} and rows["ours"]["transfers"] == 252
+    beside = {row["method"]: row for row in tables["actor"]}
+    assert set(beside) == {"style-erd", "knn-dtw", "linear", "statistics", "real"}
+    assert beside["style-erd"]["truth_error"] < beside["statistics"]["truth_error"]
+    assert [row["frame"] for row in tables["figure_5"]] == [*range(10), 60]

@@ -24,7 +24,8 @@ def prior():
 
 
 def test_cards_say_what_they_must():
-    for name in ("text-mini", "actor-prior", "actor-discriminator", "bandai-2-prior", "bandai-2-discriminator"):
+    learned = ("text-mini", "actor-prior", "actor-discriminator", "actor-reader", "actor-space", "actor-erd")
+    for name in (*learned, "bandai-2-prior", "bandai-2-discriminator"):
         _, card = checkpoints.load(checkpoints.find(name))
         assert card["command"].startswith("python -m motionkit train ") and card["steps_per_second"] > 0
         assert card["seconds"] > 0 and card["metrics"] and card["data_sha256"] and card["hardware"]
@@ -118,3 +119,29 @@ def test_mini_finds_the_motion_of_a_sentence(actor):
     groups = [(clip.content, clip.style) for clip in actor.test]
     found = mk.priors.recalls(a, b, groups)["r1"]
     assert found == pytest.approx(encoder.card["metrics"]["sentence_by_sentence_r1"], abs=2)
+
+
+def test_the_shipped_style_erd_is_as_good_as_its_card_says(actor):
+    from motionkit.erd.commands import measured
+
+    model = mk.methods.load("style-erd").model
+    found, wrote = measured(model, actor.test), model.card["metrics"]
+    assert found["rebuilt_mm"] == pytest.approx(wrote["rebuilt_mm"], rel=0.05)
+    assert all(abs(found[name] - wrote[name]) < 4 for name in wrote)
+    assert found["rebuilt_mm"] < 25 and found["content"] > 85 and found["style"] > 75
+
+
+def test_style_erd_comes_near_the_performers_own_answer():
+    """Neutral walks and kicks of somebody new in three styles: under half as far from the answer as the content is."""
+    from motionkit.actor import perform, retell
+    from motionkit.arena.truths import error_against
+
+    method, errors = mk.methods.load("style-erd"), []
+    for content in ("walk", "kick"):
+        played = perform(content, "neutral", seed=920, seconds=4.0, performer=46)
+        for style in ("old", "proud", "depressed"):
+            answer = retell(played, style).along(played)
+            made = method.stylize(played.motion, style, content_label=content, content_style="neutral")
+            errors.append((error_against(made, answer), error_against(played.motion, answer)))
+    mine, untouched = (sum(part) for part in zip(*errors))
+    assert mine < 0.5 * untouched

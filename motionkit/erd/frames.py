@@ -105,8 +105,8 @@ def motion_from(content: Motion, frames: Frames, rotations: Tensor, velocities: 
     """The network's answers for all frames as a motion on the content's body, which starts where the content does.
 
     rotations, velocities: of `split`, [F, J, 4] and [F, J, 3]. Facing is the content's; the path is the root's velocity
-    added up (paper 2, section 3.1, leaves the path open). Its height is, too, and drawn to where the lower foot is as high as the content's: that height alone
-    would jump a little whenever the other foot becomes the lower one.
+    added up (paper 2, section 3.1, leaves the path open). Its height is, too, and drawn to where the lower foot is as
+    high as the content's: that height alone would jump a little whenever the other foot becomes the lower one.
     """
     body = body_of(content)
     skeleton, offsets = body.skeleton, body.translations

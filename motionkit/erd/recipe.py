@@ -33,12 +33,13 @@ OVERLAP = 4  # frames of two windows (paper 2, section 4.1)
 
 @dataclass(frozen=True)
 class ErdRecipe:
-    """How it is trained (paper 2, section 3.2 and supplement A). steps, batch, rate: of the generator; slower: the critic's rate over it.
+    """How it is trained (paper 2, section 3.2 and supplement A).
 
-    adversarial, perceptual, attention, beginnings: false leaves that part out (table 1). fps: of the windows. cycle:
-    above 0, styles need not have been seen doing the same (beyond the paper, its sections C.1 and C.3): the critic is
-    shown whatever there is of a style, and what was told in another style must come back as it was, which counts so
-    much. `paper()` is as published, `laptop()` has the same parts and sizes.
+    steps, batch, rate: of the generator; slower: the critic's rate over it. adversarial, perceptual, attention,
+    beginnings: false leaves that part out (table 1). fps: of the windows. cycle: above 0, styles need not have been
+    seen doing the same (beyond the paper, its sections C.1 and C.3): the critic is shown whatever there is of a style,
+    and what was told in another style must come back as it was, which counts so much. `paper()` is as published,
+    `laptop()` has the same parts and sizes.
     """
 
     config: ErdConfig = ErdConfig()
