@@ -64,7 +64,7 @@ def test_many_streams_do_not_disturb_each_other(model, walk):
 
 
 def test_wishes_may_change_at_any_frame(model, walk):
-    stream, made = ErdStream(model, "old", **PLAIN), []
+    stream, made = ErdStream(model, "old", **PLAIN, fade=0), []
     for n in range(60):
         if n == 20:
             stream.style = {"old": 0.5, "proud": 0.5}
@@ -179,3 +179,18 @@ def test_guesses_are_the_labellers_own(walk):
         calm = now if not calm else [a + 0.1 * (b - a) for a, b in zip(calm, now)]
         for mine, theirs in zip(guesses._sure, calm):
             assert np.abs(mine[0] - theirs.numpy()).max() < 1e-4
+
+
+def test_a_new_wish_fades_in(model, walk):
+    stream, seen = ErdStream(model, "old", **PLAIN, fade=0.5), []
+    for n in range(40):
+        if n == 10:
+            stream.style = "proud"
+        if n == 15:  # before it is there, another one
+            stream.style = "neutral"
+        stream(walk[n : n + 1])
+        seen.append(stream._now[0].copy())
+    shares = np.stack(seen)
+    assert np.allclose(shares.sum(1), 1, atol=1e-5) and np.abs(np.diff(shares, axis=0)).max() < 0.15
+    assert np.allclose(shares[:10], model.wanted("old")) and np.allclose(shares[30:], model.wanted("neutral"))
+    assert shares[14, 2] > 0.05 and shares[12, 1] < 1

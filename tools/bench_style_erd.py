@@ -104,13 +104,13 @@ def beginnings(model: ErdModel, figures: dict) -> list[dict]:
 
 
 def switches(model: ErdModel, figures: dict) -> None:
-    """Jerk where the style is switched, every half second, over what the clip itself reaches elsewhere."""
-    walk = perform("walk", "neutral", seed=2, seconds=20.0, fps=model.fps).motion
+    """Jerk while one style becomes another, every second, over that in between, where the style stays."""
+    walk = perform("walk", "neutral", seed=2, seconds=30.0, fps=model.fps).motion
     stream = StyleErdMethod(model).stream("neutral", content="walk", own_style="neutral")
     chance = np.random.default_rng(0)
     turns, places, marks, made = walk.rotations.numpy(), walk.translations.numpy(), [], []
     for n in range(len(walk)):
-        if n and n % 30 == 0:
+        if n and n % 60 == 0:
             stream.style = model.styles[int(chance.integers(len(model.styles)))]
             marks.append(n)
         rotations, root = stream.push(turns[None, n], places[None, n])
@@ -120,9 +120,9 @@ def switches(model: ErdModel, figures: dict) -> None:
     jerk = np.linalg.norm(np.diff(np.stack(made), n=3, axis=0), axis=-1).mean(1)
     near = np.zeros(len(jerk), bool)
     for mark in marks:
-        near[max(mark - 3, 0) : mark + 3] = True
+        near[mark - 3 : mark + round(stream.fade * model.fps)] = True  # each is of four frames
     share = float(np.percentile(jerk[near], 90) / np.percentile(jerk[~near], 90))
-    figures["switch_jerk_ratio"] = figure(share, 1, "", "90th percentile at switches over that elsewhere", False)
+    figures["switch_jerk_ratio"] = figure(share, 1, "", "90th percentile in a change over that elsewhere", False)
 
 
 def row_model(name: str, train) -> ErdModel:

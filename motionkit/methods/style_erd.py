@@ -59,7 +59,7 @@ class StyleErdMethod:
         """A live stream: call it with one frame, at the model's rate, for one frame back; see `erd.stream.ErdStream`.
 
         style: a name or a mix such as {"old": 0.5, "proud": 0.5}; it may be changed at any frame. labels: `content`,
-        `own_style` and `count`, as there.
+        `own_style`, `count` and `fade`, as there.
         """
         return ErdStream(self.model, style, strength, **labels)
 
