@@ -83,7 +83,7 @@ class Live(Pictured, anywidget.AnyWidget):
     """A content and the same content in a style, live: every frame is restyled alone and drawn at once.
 
     At the right a dial of all styles; a pad on which left and right mix two of them and up is more; and how much of it
-    all, where above 1 is beyond what was learned from. All count from the next frame on.
+    all, where above 1 is beyond what was learned from. Wishes fade in from the next frame on.
 
     method: `mk.methods.load("style-erd")`, or anything with its `stream` and `model`. content: a motion, which is
     played again and again. label, own_style: what it does, and in which style; left out, the method guesses frame by
