@@ -40,7 +40,7 @@ def _parser() -> argparse.ArgumentParser:
     stylize.add_argument("input", help="the motion to restyle, a BVH file")
     stylize.add_argument("--style", required=True, help="a BVH file or learned style; few-shot, style-erd: or a name")
     stylize.add_argument(
-        "--strength", type=float, default=1.0, help="0 keeps the input, 1 is the style, 2 a caricature"
+        "--strength", type=float, default=1.0, help="0 keeps the input (style-erd: neutral), 1 is the style, 2 exaggerates"
     )
     stylize.add_argument("-o", "--output", required=True, help="the BVH file to write")
     stylize.add_argument("--method", default="statistics", help=f"one of: {', '.join(methods.names())}")

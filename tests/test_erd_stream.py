@@ -129,6 +129,11 @@ def test_unknown_names_and_numbers_change_nothing(model, walk):
     for wrong, message in (("odl", "did you mean 'old'"), ({"old": float("nan")}, "finite number")):
         with pytest.raises(mk.MotionKitError, match=message):
             stream.style = wrong
+    for wrong in (5, None, walk):
+        with pytest.raises(mk.MotionKitError, match="takes a style by a name, or a mix"):
+            stream.style = wrong
+    with pytest.raises(mk.MotionKitError, match="finite number; found 'a'"):
+        ErdStream(model, "old", "a", **PLAIN)
     with pytest.raises(mk.MotionKitError, match="finite number; found 'x'"):
         stream.strength = "x"
     with pytest.raises(mk.MotionKitError, match="knows no content 'swim'"):

@@ -109,3 +109,10 @@ def test_it_leaves_a_picture(live):
     assert live.still()[:4] == b"\x89PNG" and len(live.still()) < 120_000
     bundle = live._repr_mimebundle_()
     assert {"image/png", "application/vnd.jupyter.widget-view+json"} <= set(bundle)
+
+
+def test_what_cannot_be_shown_live_is_told(method, walk):
+    with pytest.raises(mk.MotionKitError, match="a method that streams"):
+        Live(mk.methods.load("statistics"), walk)
+    with pytest.raises(mk.MotionKitError, match="takes a Motion"):
+        Live(method, None)

@@ -56,7 +56,7 @@ class Guesses:
         h = np.zeros((len(x), len(self._over)), np.float32) if self._state is None else self._state
         seen = np.maximum(x @ self._inside[0] + self._inside[1], 0) @ self._into + self._plain
         kept, size = h @ self._over + self._own, h.shape[1]
-        reset, hold = np.split(1 / (1 + np.exp(-(seen + kept)[:, : 2 * size])), 2, axis=1)
+        reset, hold = np.split(0.5 + 0.5 * np.tanh(0.5 * (seen + kept)[:, : 2 * size]), 2, axis=1)  # sigmoids
         new = np.tanh(seen[:, 2 * size :] + reset * kept[:, 2 * size :])
         self._state = new + hold * (h - new)
         now = [_shares(self._state @ weight + bias) for weight, bias in self._heads]

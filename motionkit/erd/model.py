@@ -69,7 +69,12 @@ class ErdModel:
         What a mix leaves of 1 is neutral, and what is beyond 1 is taken from it. Raises MotionKitError for unknown
         styles and numbers that are not finite.
         """
+        if not isinstance(style, str | Mapping):
+            hint = "a name, or a mix such as {'old': 0.5, 'proud': 0.5}"
+            raise MotionKitError(f"style-erd takes a style by {hint}; found {style!r:.80}")
         mix, found = {style: 1.0} if isinstance(style, str) else dict(style), np.zeros(len(self.styles), np.float32)
+        if isinstance(strength, bool) or not isinstance(strength, int | float) or not math.isfinite(strength):
+            raise MotionKitError(f"strength must be a finite number; found {strength!r}")
         for name, share in mix.items():
             if not isinstance(share, int | float) or not math.isfinite(share * strength):
                 raise MotionKitError(f"the share of style {name!r} must be a finite number; found {share!r}")

@@ -93,6 +93,8 @@ class StyleErdMethod:
 
     def seen(self, motion: Motion) -> Motion:
         """A motion as the model sees it: its skeleton and rate. MotionKitError where it cannot be."""
+        if not isinstance(motion, Motion):
+            raise MotionKitError(f"style-erd takes a Motion, such as mk.load('walk.bvh'); found {motion!r:.80}")
         body, skeleton, fps = body_of(motion), self.model.skeleton, self.model.fps
         if not body.skeleton.same_tree(skeleton):
             still = Motion.from_root(skeleton, torch.eye(4)[:1].expand(1, len(skeleton), 4), torch.zeros(1, 3), fps)

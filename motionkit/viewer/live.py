@@ -13,6 +13,7 @@ import torch
 import traitlets
 
 from ..erd.quick_body import turned, yawed
+from ..errors import MotionKitError
 from ..motion import Motion
 from .body import figures
 from .pack import pack
@@ -122,6 +123,8 @@ class Live(Pictured, anywidget.AnyWidget):
         right: str = "proud",
         height: int = 400,
     ) -> None:
+        if not all(hasattr(method, name) for name in ("stream", "seen", "model")):
+            raise MotionKitError(f"Live needs a method that streams, such as 'style-erd'; found {method!r:.80}")
         seen = method.seen(content)
         model, made = method.model, figures([seen, seen], roles=["content", "result"])
         for style in (left, right):
