@@ -39,9 +39,8 @@ def _parser() -> argparse.ArgumentParser:
     stylize = commands.add_parser("stylize", help="give a motion the style of another one, and write BVH")
     stylize.add_argument("input", help="the motion to restyle, a BVH file")
     stylize.add_argument("--style", required=True, help="a BVH file or learned style; few-shot, style-erd: or a name")
-    stylize.add_argument(
-        "--strength", type=float, default=1.0, help="0 keeps the input (style-erd: neutral), 1 is the style, 2 exaggerates"
-    )
+    strong = "0 keeps the input (style-erd: neutral), 1 is the style, 2 a caricature"
+    stylize.add_argument("--strength", type=float, default=1.0, help=strong)
     stylize.add_argument("-o", "--output", required=True, help="the BVH file to write")
     stylize.add_argument("--method", default="statistics", help=f"one of: {', '.join(methods.names())}")
     stylize.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)
