@@ -186,16 +186,28 @@ def test_guesses_are_the_labellers_own(walk):
             assert np.abs(mine[0] - theirs.numpy()).max() < 1e-4
 
 
-def test_a_new_wish_fades_in(model, walk):
-    stream, seen = ErdStream(model, "old", **PLAIN, fade=0.5), []
-    for n in range(40):
-        if n == 10:
-            stream.style = "proud"
-        if n == 15:  # before it is there, another one
-            stream.style = "neutral"
-        stream(walk[n : n + 1])
-        seen.append(stream._now[0].copy())
-    shares = np.stack(seen)
+def given(stream, wishes):
+    """The shares that each frame gets while a wish is set before every one."""
+    shares = []
+    for wish in wishes:
+        if wish is not None:
+            stream.style = wish
+        shares.append(stream._followed()[0].copy())
+    return np.stack(shares)
+
+
+def test_a_style_follows_the_wish_gently(model):
+    stream = ErdStream(model, "old", **PLAIN, fade=0.5)
+    shares = given(stream, [None] * 10 + ["proud"] + [None] * 4 + ["neutral"] + [None] * 24)
     assert np.allclose(shares.sum(1), 1, atol=1e-5) and np.abs(np.diff(shares, axis=0)).max() < 0.15
-    assert np.allclose(shares[:10], model.wanted("old")) and np.allclose(shares[30:], model.wanted("neutral"))
-    assert shares[14, 2] > 0.05 and shares[12, 1] < 1
+    assert np.allclose(shares[:10], model.wanted("old")) and 0.9 < shares[10, 1] < 1  # it sets out slowly
+    assert shares[14, 2] > 0.05 and np.allclose(shares[-8:], model.wanted("neutral"), atol=0.03)
+    stream = ErdStream(model, "old", **PLAIN, fade=0)
+    assert np.allclose(given(stream, [None, "proud"])[1], model.wanted("proud"))
+
+
+def test_a_dial_that_is_turned_all_the_time_is_followed_all_the_time(model):
+    turning = [{"old": 1 - n / 60, "proud": n / 60} for n in range(61)]
+    shares = given(ErdStream(model, "old", **PLAIN, fade=0.5), turning)[:, 2]
+    assert (np.diff(shares) >= 0).all() and (shares[15:] > np.arange(15, 61) / 60 - 0.16).all()
+

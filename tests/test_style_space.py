@@ -124,7 +124,7 @@ def test_learning_starts_from_what_is_read_and_stays_near_where_that_is_sure(sma
 
 def test_doubt_is_learned_where_nothing_is_to_be_read():
     found = torch.zeros(2, 2, requires_grad=True)
-    codes = torch.tensor([[1.0], [-1.0]]) * torch.tensor([[1.0]])
+    codes = torch.tensor([[1.0], [-1.0]])
     optimizer = torch.optim.Adam([found], 0.05)
     for _ in range(300):
         loss = doubted(Reading.of(found.mean(0, keepdim=True).expand(2, -1)), codes)

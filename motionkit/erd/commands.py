@@ -9,10 +9,9 @@ import torch
 
 from ..cards import card_of, place_for
 from ..datasets import Dataset
-from ..kinematics import forward_kinematics
 from ..restyling import body_of
 from ..training import Schedule, in_main
-from .frames import split
+from .frames import placed_positions, split
 from .labels import FRAMES, hits, train_labels
 from .model import ErdModel
 from .recipe import ErdRecipe, Pieces, train_erd
@@ -49,9 +48,8 @@ def measured(model: ErdModel, data: Dataset) -> dict[str, float]:
     said, _ = model.network(pieces.x, pieces.content, pieces.style, model.network.weights_of(pieces.style))
     places = []
     for turns in (split(said)[0], pieces.x[..., : 4 * joints].unflatten(-1, (joints, 4))):
-        lying = pieces.offsets[:, None].clone()
-        lying[..., 0, :] = 0
-        places.append(forward_kinematics(model.skeleton, turns, lying.expand(*turns.shape[:-1], 3)))
+        standing = placed_positions(model.skeleton, pieces.offsets[:, None], turns, torch.zeros(turns.shape[:2]))
+        places.append(standing - standing[..., :1, :])
     found = {"rebuilt_mm": round(1000 * float((places[0] - places[1]).norm(dim=-1).mean()), 1)}
     return found | (hits(model.labeller, pieces) if model.labeller is not None else {})
 

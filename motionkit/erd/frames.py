@@ -71,6 +71,18 @@ def frames_of(motion: Motion) -> Frames:
     return Frames(turned, local, speed, yaw, ground[:, [0, 2]])
 
 
+def begun(x: Tensor, joints: int) -> Tensor:
+    """Windows of frames [N, F, 10J] as a stream sees them at its start: of the first one no velocity is known.
+
+    >>> begun(torch.ones(1, 2, 10), joints=1)[0, :, -4:]
+    tensor([[1., 0., 0., 0.],
+            [1., 1., 1., 1.]])
+    """
+    x = x.clone()
+    x[:, 0, -3 * joints :] = 0
+    return x
+
+
 def split(y: Tensor) -> tuple[Tensor, Tensor]:
     """The network's answer [..., 7J] as unit quaternions [..., J, 4] and velocities [..., J, 3].
 

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from ..training import Schedule, fit
+from .recipe import Pieces
 
 FRAMES = 120  # of the windows that it learns from
 _CALM = 0.1  # how much of a guess a new frame changes, so that labels do not flicker
@@ -83,7 +84,7 @@ def _shares(scores: np.ndarray) -> np.ndarray:
     return found / found.sum(1, keepdims=True)
 
 
-def train_labels(pieces, joints: int, steps: int = 1500, seed: int = 0, **running) -> Labeller:
+def train_labels(pieces: Pieces, joints: int, steps: int = 1500, seed: int = 0, **running) -> Labeller:
     """Teach it on windows, see `recipe.Pieces`; every frame counts, the first ones too. running: of `training.fit`."""
     torch.manual_seed(seed)
     net = Labeller(joints, len(pieces.contents), len(pieces.styles))
@@ -101,7 +102,7 @@ def train_labels(pieces, joints: int, steps: int = 1500, seed: int = 0, **runnin
 
 
 @torch.no_grad()
-def hits(labeller: Labeller, pieces) -> dict[str, float]:
+def hits(labeller: Labeller, pieces: Pieces) -> dict[str, float]:
     """Per cent of windows whose content and style are right after the last frame and, `first_`, after the first."""
     content, style, _ = labeller(pieces.x)
     found = {}

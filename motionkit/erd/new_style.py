@@ -16,7 +16,7 @@ from ..layers.critics import WINDOW
 from ..layers.style_erd import Branches
 from ..motion import Motion
 from ..training import Run, Schedule, fit
-from .frames import Frames, frames_of, lowest_foot, placed_positions, split
+from .frames import Frames, begun, frames_of, lowest_foot, placed_positions, split
 from .losses import quaternion_loss, rebuilding_loss
 from .model import ErdModel
 
@@ -51,9 +51,7 @@ class NewBranch(nn.Module):
     def forward(self, x: Tensor, content: Tensor, style: Tensor) -> Tensor:
         """Frames x [B, F, 10J] with labels long [B], to [B, F, 7J] in the new style."""
         net = self.network[0]
-        one_hot = nn.functional.one_hot
-        labels = torch.cat((one_hot(style, net.styles), one_hot(content, net.contents)), 1).to(x)
-        z = net.encoder(torch.cat((x, labels[:, None].expand(-1, x.shape[1], -1)), 2))
+        z = net.encode(x, content, style)
         mixed = net.neutral(z, net.neutral.begin(content))[0] + self.branch(z, self.branch.begin(content * 0))[0]
         first, *rest = net.decoder
         y = nn.functional.linear(mixed[:, :, 0], first.weight[:, : net.config.latent], first.bias) + self.told
@@ -106,8 +104,8 @@ def learn_style(
 
     def loss_of(module: nn.Module, step: int) -> Tensor:
         rows = torch.randint(len(clip) - WINDOW + 1, (BATCH, 1)) + torch.arange(WINDOW)
-        x = _begun(given, rows)
-        made = split(module(x, torch.full((BATCH,), number), torch.zeros(BATCH, dtype=torch.long)))
+        x, labels = begun(given.x[rows], len(model.skeleton)), torch.tensor([[number], [0]]).expand(2, BATCH)
+        made = split(module(x, *labels))
         aim = wanted.rotations[rows], wanted.positions[rows], wanted.velocities[rows]
         places = placed_positions(model.skeleton, offsets, made[0], lowest_foot(model.skeleton, aim[1]))
         missed = rebuilding_loss((aim[0], made[0]), (aim[1], places), (aim[2], made[1]))
@@ -126,10 +124,3 @@ def _nearest(network: StyleErd, given: Frames, wanted: Frames, content: int) -> 
         turns = split(network(given.x[None], *labels, network.weights_of(torch.tensor([style])))[0][0])[0]
         found.append(float(quaternion_loss(wanted.rotations, turns).mean()))
     return 1 + found.index(min(found))
-
-
-def _begun(frames: Frames, rows: Tensor) -> Tensor:
-    """Windows [B, F, 10J] of frames, nothing known before the first of each."""
-    x = frames.x[rows]
-    x[:, 0, -3 * frames.positions.shape[1] :] = 0
-    return x

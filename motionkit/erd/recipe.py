@@ -17,7 +17,7 @@ from ..pairs import NEUTRAL
 from ..restyling import body_of
 from ..skeleton import Skeleton
 from ..training import Run, Schedule, fit
-from .frames import frames_of, lowest_foot, placed_positions, split
+from .frames import begun, frames_of, lowest_foot, placed_positions, split
 from .losses import (
     adversarial_loss,
     critic_loss,
@@ -61,7 +61,7 @@ class ErdRecipe:
 
     @classmethod
     def laptop(cls) -> ErdRecipe:
-        """Larger batches and rates, fewer steps: an hour on two cores."""
+        """Larger batches and rates, fewer steps; the card of the shipped weights says how long it took."""
         return cls(steps=16000, batch=64, rate=1e-3)
 
 
@@ -107,8 +107,7 @@ class Pieces:
         if not rows:
             raise MotionKitError(f"no clip of {data.name!r} has {frames} frames at {fps:g} a second")
         x, offsets, content, style = zip(*rows)
-        x = torch.stack(x)
-        x[:, 0, -3 * offsets[0].shape[0] :] = 0  # nothing is known before a window's first frame
+        x = begun(torch.stack(x), len(offsets[0]))
         return cls(x, torch.stack(offsets), torch.tensor(content), torch.tensor(style), tuple(data.contents), styles)
 
     def members(self) -> dict[tuple[int, int], Tensor]:

@@ -15,14 +15,16 @@ from .labels import Guesses
 from .model import ErdModel
 from .quick_body import turned, yawed
 
+_STAGES = 4  # low-passes between a wish and what is done
+
 
 class ErdStream:
     """B streams through a model at once (paper 2, section 4.3): call it with one frame of each, each has its own state.
 
     model: trained. style: a name, or a mix; strength: how much of it; both may be set at any frame: `stream.style =
-    "old"`, or a list with one for each stream. From the next frame on the old wish fades into the new one, in `fade`
-    seconds, since a pose that changes from one frame to the next is a jump. content, own_style: labels of what comes
-    in, which may change too; None where they are to be guessed, see `labels`. count: B.
+    "old"`, or a list with one for each stream. From the next frame on the style follows the wish, and is there after
+    about `fade` seconds, since a pose that changes from one frame to the next is a jump; 0: at once. content,
+    own_style: labels of what comes in, which may change too; None where they are to be guessed, see `labels`. count: B.
 
     `held`: how many frames in a row were not finite numbers, for each stream; then the last good one was taken again.
     `extrapolated`: whether more than all or less than nothing of a style is asked for.
@@ -40,7 +42,7 @@ class ErdStream:
         fade: float = 0.5,
     ) -> None:
         self.model, self.count, self.fade, self._strength, self._style = model, count, fade, 1.0, None
-        self._state, self._before, self._path, self._now = None, None, None, None
+        self._state, self._before, self._path, self._stages = None, None, None, None
         self._guesses = Guesses(model.labeller) if model.labeller is not None else None
         self.content, self.own_style = content, own_style
         self._strength = strength
@@ -56,7 +58,7 @@ class ErdStream:
     def style(self, style: object) -> None:
         pairs = zip(self._each(style), self._each(self._strength), strict=True)
         self._wanted = np.stack([self.model.wanted(*pair) for pair in pairs])
-        self._style, self._from, self._since = style, self._now, 0
+        self._style = style
 
     @property
     def strength(self) -> object:
@@ -139,7 +141,7 @@ class ErdStream:
         self._guess(x)
         if self._state is None:
             self._state, self._path = self.model.fast.begin(self._contents), ground
-        y, self._state = self.model.fast.step(x, self._contents, self._owns, self._faded(), self._state)
+        y, self._state = self.model.fast.step(x, self._contents, self._owns, self._followed(), self._state)
         made, root = self._placed(y, translations, yaw, body.lowest(local))
         self._before = places
         return made, root
@@ -161,13 +163,18 @@ class ErdStream:
         made[:, 0] = yawed(yaw, made[:, 0])
         return made.astype(np.float32), root.astype(np.float32)
 
-    def _faded(self) -> np.ndarray:
-        """How much of each style this frame gets, [B, S]: on the way from the wish before to the one now."""
-        self._since += 1
-        share = 1.0 if self._from is None or not self.fade else min(1.0, self._since / (self.fade * self.model.fps))
-        gone = np.float32(share**3 * (share * (6 * share - 15) + 10))  # starts and ends without a jerk
-        self._now = self._wanted if share >= 1 else self._from + gone * (self._wanted - self._from)
-        return self._now
+    def _followed(self) -> np.ndarray:
+        """How much of each style this frame gets, [B, S]: what is wanted, through low-passes one after the other.
+
+        So it sets out and arrives gently, also where the wish changes with every frame, as a dial does.
+        """
+        if self._stages is None or not self.fade:
+            self._stages = [self._wanted] * _STAGES
+            return self._wanted
+        share, before = np.float32(-np.expm1(-2 * _STAGES / (self.fade * self.model.fps))), self._wanted
+        for n, stage in enumerate(self._stages):
+            self._stages[n] = before = stage + share * (before - stage)
+        return before
 
     def _guess(self, x: np.ndarray) -> None:
         """Labels that nobody has said."""

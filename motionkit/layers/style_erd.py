@@ -155,14 +155,18 @@ class StyleErd(nn.Module):
         heard, state = self.listen(x, content, style, state)
         return self.say(heard, wanted), state
 
+    def encode(self, x: Tensor, content: Tensor, style: Tensor) -> Tensor:
+        """z [B, F, H] of frames [B, F, 10J] whose labels are content and style, long [B] (paper 2, section 3.1)."""
+        one_hot = nn.functional.one_hot
+        told = torch.cat((one_hot(style, self.styles), one_hot(content, self.contents)), 1).to(x)
+        return self.encoder(torch.cat((x, told[:, None].expand(-1, x.shape[1], -1)), 2))
+
     def listen(
         self, x: Tensor, content: Tensor, style: Tensor, state: ErdState | None = None
     ) -> tuple[Tensor, ErdState]:
         """What all branches make of the frames, [B, F, S, H], neutral first; whatever style is wanted later."""
         state = self.begin(content) if state is None else state
-        one_hot = nn.functional.one_hot
-        told = torch.cat((one_hot(style, self.styles), one_hot(content, self.contents)), 1).to(x)
-        z = self.encoder(torch.cat((x, told[:, None].expand(-1, x.shape[1], -1)), 2))
+        z = self.encode(x, content, style)
         base, neutral = self.neutral(z, state.neutral)
         extra, styles = self.residual(z, state.styles)
         return torch.cat((base, extra), 2), ErdState(neutral, styles)

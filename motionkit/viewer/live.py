@@ -40,7 +40,7 @@ class Endless:
     """
 
     def __init__(self, motion: Motion) -> None:
-        self._motion, self._frame, self._seam = motion, 0, max(1, round(_SEAM * motion.fps))
+        self._frame, self._seam = 0, max(1, round(_SEAM * motion.fps))
         self._turns, self._places = motion.rotations.numpy(), motion.translations.numpy()
         self._yaw = motion.facing().numpy()
         self._turn, self._start, self._from = np.float32([0]), self._places[0, 0] * [1, 0, 1], self._turns[0]
@@ -86,8 +86,8 @@ class Live(Pictured, anywidget.AnyWidget):
     At the right a dial of all styles; a pad on which left and right mix two of them and up is more; and how much of it
     all, where above 1 is beyond what was learned from. Wishes fade in from the next frame on.
 
-    method: `mk.methods.load("style-erd")`, or anything with its `stream` and `model`. content: a motion, which is
-    played again and again. label, own_style: what it does, and in which style; left out, the method guesses frame by
+    method: `mk.methods.load("style-erd")`, or anything with its `stream`, `seen` and `model`. content: a motion, which
+    is played again and again. label, own_style: what it does, and in which style; left out, the method guesses frame by
     frame. left, right: two styles to begin with. height: pixels. Raises MotionKitError for a content that the method
     cannot take, and unknown styles.
 
