@@ -11,7 +11,7 @@ IN := $(VENV)/bin/python
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-diffusion bench-few-shot bench-io bench-style-erd fuzz pins clean
+.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-diffusion bench-few-shot bench-few-shot-why bench-io bench-style-erd fuzz pins clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -50,6 +50,9 @@ bench-diffusion: $(READY) ## measure samplers, priors and discriminators into re
 
 bench-few-shot: $(READY) ## measure few-shot style transfer (paper 1) into results/few-shot.json
 	$(IN) tools/bench_few_shot.py
+
+bench-few-shot-why: $(READY) ## experiments on paper 1's table 3, into results/few-shot-why.json
+	$(IN) tools/bench_few_shot_why.py
 
 bench-io: $(READY) ## measure reading and kinematics into results/io.json
 	$(IN) tools/bench_io.py

@@ -94,7 +94,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
     train.add_argument("--steps", type=int, help="batches; left out, the recipe's")
     train.add_argument("--seed", type=int, default=0)
     train.add_argument("--rate", type=float, help="the highest learning rate of a prior; left out, the recipe's")
-    train.add_argument("--start", help="the name of a prior to go on from, such as actor-prior")
+    train.add_argument("--start", help="the name of a prior or space to go on from, such as actor-prior")
     train.add_argument("--text", default="mini", help="the text encoder of a prior, such as clip:FOLDER")
 
 
@@ -122,8 +122,9 @@ def _trained(part: str, data: datasets.Dataset, args: argparse.Namespace, comman
     if part in _SPACES:
         from .fewshot import space_recipe
 
-        make = space_recipe.train_part if part == "space" else space_recipe.train_reader_part
-        return make(data, args.steps, args.seed, command)
+        if part == "space":
+            return space_recipe.train_part(data, args.steps, args.seed, command, args.start)
+        return space_recipe.train_reader_part(data, args.steps, args.seed, command)
     if part == _ERD:
         from .erd.commands import train_part
 

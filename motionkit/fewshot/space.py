@@ -120,14 +120,14 @@ class StyleSpace:
     def save_reader(self, path: str | os.PathLike, card: dict) -> Path:
         """The reader's weights and card, see `checkpoints.save`; 16 bits."""
         tensors = {name: value.half() for name, value in self.reader.state_dict().items()}
-        card = {"kind": "reader", **card, "config": asdict(self.reader.config), "space": self.key}
+        card = {"kind": "reader", **card, "config": asdict(self.reader.config), "prior": self.prior.key}
         return checkpoints.save(path, tensors, card)
 
     def load_reader(self, path: str | os.PathLike) -> StyleSpace:
-        """The space with the reader that `save_reader` wrote; MotionKitError where it belongs to another space."""
+        """The space with the reader that `save_reader` wrote; MotionKitError where it is for another prior's motions."""
         tensors, card = checkpoints.load(path, "reader")
-        if card.get("space") != self.key:
-            raise MotionKitError(f"{path}: this reader belongs to another space of styles; train one for this")
+        if card.get("prior") != self.prior.key:
+            raise MotionKitError(f"{path}: this reader sees motions as another prior does; train one for this")
         reader = fresh_reader(self.prior, checkpoints.config_of(path, card, TransformerConfig)).eval()
         checkpoints.load_into(reader, {name: value.float() for name, value in tensors.items()}, path)
         self.reader = reader.requires_grad_(False)

@@ -19,8 +19,9 @@ from .chain import Chain, reconstruction_loss
 from .invented import FRAMES, Lessons, batches_of, lessons
 from .space import CODES, CodedDenoiser, Reading, StyleSpace, fresh_reader, load
 
-STEPS, RATE, BATCH, COUNT = 10000, 1e-3, 16, 3600
-READER_STEPS, READER_RATE, READER_BATCH, READER_COUNT = 8000, 7e-4, 64, 7200
+STEPS, RATE, BATCH = 10000, 1e-3, 16
+READER_STEPS, READER_RATE, READER_BATCH = 8000, 7e-4, 64
+COUNT = 7200  # performances, each told in three styles
 _BACK = 4  # of a batch so many are taken from their style to neutral
 _SHORTEST = 96
 
@@ -35,18 +36,21 @@ def noised(prior: Prior, chain: Chain, x: Tensor, words: Tensor) -> Tensor:
     return torch.cat(found)
 
 
-def train_space(prior: Prior, known: Lessons, schedule: Schedule | None = None, **running) -> StyleSpace:
+def train_space(
+    prior: Prior, known: Lessons, schedule: Schedule | None = None, start: StyleSpace | None = None, **running
+) -> StyleSpace:
     """Teach the chain of a prior on lessons in invented styles (paper 1, eqs. 9 and 10), starting from its weights.
 
     A quarter of each batch goes from a styled motion to the neutral one, told so by a number of its own; the rest from
-    neutral to a style by its code. running: as in `training.fit`.
+    neutral to a style by its code. start: a space of this prior to go on from. running: as in `training.fit`.
     """
     schedule = schedule or Schedule(STEPS, RATE, average=0.995)
     prior.network.eval()
     chain, words = Chain.like_paper(prior.schedule), prior.encoder.encode([text.to_neutral(c) for c in known.captions])
     plain, changed = (noised(prior, chain, x, words) for x in (known.neutral, known.styled))
     torch.manual_seed(schedule.seed)
-    network = CodedDenoiser(copy.deepcopy(prior.network))
+    network = CodedDenoiser(copy.deepcopy(prior.network)) if start is None else copy.deepcopy(start.network)
+    network.requires_grad_(True)
 
     def loss_of(model: nn.Module, step: int) -> Tensor:
         chosen, here = torch.randint(len(known.styled), (BATCH,)), device_of(model)
@@ -66,6 +70,8 @@ def train_space(prior: Prior, known: Lessons, schedule: Schedule | None = None, 
     space.card |= {"steps_per_second": round(run.steps_per_second, 2), "hardware": checkpoints.hardware()}
     space.card |= {"parameters": sum(p.numel() for p in network.parameters()), "lessons": len(known.styled)}
     space.card["last_loss"] = round(sum(run.losses[-200:]) / len(run.losses[-200:]), 4)
+    if start is not None:
+        space.card["started_from"] = {key: start.card.get(key) for key in ("command", "steps", "seconds")}
     return space
 
 
@@ -124,7 +130,7 @@ def train_reader_part(data: Dataset, steps: int | None, seed: int, command: str)
     """Train the reader of a dataset's space and write it where `space.load` finds it; returns the weights' path."""
     path, space = place_for(data.name, "reader"), load(data.name)
     schedule = Schedule(steps or READER_STEPS, READER_RATE, decay=1e-2, seed=seed, average=0.995)
-    count = READER_COUNT if steps is None or steps >= READER_STEPS else 24
+    count = COUNT if steps is None or steps >= READER_STEPS else 24
     known, fresh = lessons(space.prior, count, seed=seed), lessons(space.prior, 60, seed=seed + 1)
     card = train_reader(space, known, schedule, keep=path.with_suffix(".run"), title=path.stem)
     card = {"name": path.stem, "command": command, "data": data.name, **card, "licence": "MIT"}
@@ -155,10 +161,10 @@ def misses(space: StyleSpace, known: Lessons) -> dict[str, float]:
     return {name: round(value, 4) for name, value in found.items()}
 
 
-def train_part(data: Dataset, steps: int | None, seed: int, command: str) -> Path:
+def train_part(data: Dataset, steps: int | None, seed: int, command: str, start: str | None = None) -> Path:
     """Train the space of a dataset's prior and write it where `space.load` finds it; returns the weights' path.
 
-    The state of the run is kept beside the weights, so a run that was broken off goes on. Only the performer can tell a
+    start: the name of a space to go on from, the one trained before for instance. The state of the run is kept beside the weights, so a run that was broken off goes on. Only the performer can tell a
     motion in a style that was never captured, so raises MotionKitError for captures.
     """
     if data.name != "actor":
@@ -166,8 +172,10 @@ def train_part(data: Dataset, steps: int | None, seed: int, command: str) -> Pat
     path, prior = place_for(data.name, "space"), priors.load(data.name)
     schedule = Schedule(steps or STEPS, RATE, seed=seed, average=0.995)
     count = COUNT if steps is None or steps >= STEPS else max(24, COUNT * steps // STEPS)
-    keep = path.with_suffix(".run")
-    made = train_space(prior, lessons(prior, count, seed=seed), schedule, keep=keep, title=path.stem)
+    first, running = None, {"keep": path.with_suffix(".run"), "title": path.stem}
+    if start:
+        first = StyleSpace.load(checkpoints.find(start), prior)
+    made = train_space(prior, lessons(prior, count, seed=seed), schedule, first, **running)
     made.card = {"name": path.stem, "command": command, "data": data.name, **made.card, "licence": "MIT"}
     made.card |= {"data_sha256": version() + prior.key[:4], "metrics": misses(made, lessons(prior, 60, seed=seed + 1))}
     in_main(lambda: made.save(path))
