@@ -173,6 +173,11 @@ def _stylize(args: argparse.Namespace) -> None:
         style = method.load_style(args.style)
     elif args.method in ("few-shot", "style-erd") and not Path(args.style).suffix:
         method, style = methods.load(args.method), args.style
+    elif not Path(args.style).suffix and not Path(args.style).exists():
+        raise MotionKitError(
+            f"--style {args.style}: no such file; {args.method} takes its style from a BVH file. By name: "
+            "--method few-shot or --method style-erd"
+        )
     else:
         method, style = methods.load(args.method), load(args.style, args.metres_per_unit)
     options = {} if args.strength == 1 else {"strength": args.strength}

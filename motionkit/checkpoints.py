@@ -71,9 +71,7 @@ def save(path: str | os.PathLike, tensors: Mapping[str, Tensor], card: Mapping) 
     ...     load(path, "toy")[0]["w"]
     tensor([1., 1.])
     """
-    path = Path(path)
-    if path.suffix != ".safetensors":
-        raise MotionKitError(f"{path}: weights are written as .safetensors; name the file so")
+    path = _weights(path, "weights are written as .safetensors; name the file so")
     broken = [name for name, value in tensors.items() if not torch.isfinite(value).all()]
     if broken:
         raise MotionKitError(f"{path}: not written, {broken[0]!r} holds numbers that are not finite")
@@ -83,6 +81,13 @@ def save(path: str | os.PathLike, tensors: Mapping[str, Tensor], card: Mapping) 
     write_atomic(path, data)
     write_atomic(path.with_suffix(".json"), text + "\n")
     return path
+
+
+def _weights(path: object, hint: str) -> Path:
+    """The path of weights; MotionKitError for what is none."""
+    if not isinstance(path, str | os.PathLike) or Path(path).suffix != ".safetensors":
+        raise MotionKitError(f"{path}: {hint}")
+    return Path(path)
 
 
 def _readable(card: Mapping) -> str:
@@ -97,7 +102,7 @@ def load(path: str | os.PathLike, kind: str | None = None) -> tuple[dict[str, Te
     kind: what it should be. Raises MotionKitError if a file is missing, damaged, belongs to other weights, is of
     another kind or of a newer format.
     """
-    path = Path(path)
+    path = _weights(path, "weights are .safetensors files, with their card beside them")
     data = read_bytes(path)
     try:
         card = json.loads(read_bytes(path.with_suffix(".json")))

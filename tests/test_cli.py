@@ -42,6 +42,12 @@ def test_imagine_writes_what_a_sentence_says(tmp_path, capsys):
         assert main([*wrong, "-o", str(tmp_path / "no.bvh")]) == 2 and not (tmp_path / "no.bvh").exists()
 
 
+def test_a_style_by_name_says_which_methods_know_names(tmp_path, capsys):
+    out = str(tmp_path / "no.bvh")
+    assert main(["stylize", "data/actor/walk_neutral.bvh", "--style", "old", "-o", out]) == 2
+    assert "--method few-shot" in capsys.readouterr().err
+
+
 def test_learn_writes_a_style_that_stylize_takes(tmp_path, capsys):
     style, out, walk = tmp_path / "old.safetensors", tmp_path / "kick.bvh", "data/actor/walk_old.bvh"
     learn = ["learn", walk, "--steps", "1", "-o", str(style), "--prompt"]

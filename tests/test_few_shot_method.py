@@ -47,6 +47,17 @@ def test_learn_then_stylize(method):
     assert torch.allclose(half.rotations, both.rotations, atol=1e-5)
 
 
+def test_names_mix_and_a_clip_needs_no_sentence_in_the_space():
+    method, walk = mk.methods.load("few-shot"), mk.load("data/actor/walk_neutral.bvh")
+    both = method.stylize(walk, style={"old": 0.5, "proud": 0.5})
+    assert both.name == "walk_neutral as old + proud"
+    ends = [method.stylize(walk, style=name) for name in ("old", "proud")]
+    gaps = [float((both.positions() - one.positions()).norm(dim=-1).mean()) for one in ends]
+    assert max(gaps) < float((ends[0].positions() - ends[1].positions()).norm(dim=-1).mean())
+    quick = method.having(steps=1).learn(mk.load("data/actor/walk_old.bvh"), title="")
+    assert quick.style == "given" and "walk" in quick.prompt
+
+
 def test_a_file_of_the_style_does_the_same(method, tmp_path):
     learned = method.learn(mk.load("data/actor/walk_old.bvh"), "an old person walks", title="")
     walk = mk.load("data/actor/walk_neutral.bvh")
@@ -141,7 +152,14 @@ def test_in_the_arena(library):
         (lambda m, w: m.stylize(w, style="a person walks"), "says nothing of a style"),
         (lambda m, w: m.stylize(w, style={}), "takes learned styles, a clip, or the name of a style"),
         (lambda m, w: m.stylize(w, style=7), "takes learned styles, a clip, or the name of a style"),
-        (lambda m, w: m.stylize(w, style={"old": 1.0}), "takes learned styles"),
+        (lambda m, w: m.stylize(w, style={7: 1.0}), "takes learned styles"),
+        (lambda m, w: m.stylize(w, style={"old": float("nan")}), "weight of style 'old' is a finite number; found nan"),
+        (lambda m, w: m.stylize(w, style={"old": "a"}), "weight of style 'old' is a finite number; found 'a'"),
+        (lambda m, w: m.learn(w), "from a clip and a sentence"),
+        (lambda m, w: m.learn(w, 7), "from a clip and a sentence"),
+        (lambda m, w: m.learn(w, "an old person walks", recipe=QUICK), "learn takes content, .* not 'recipe': give it to"),
+        (lambda m, w: m.load_style("old.bvh"), "weights are .safetensors files"),
+        (lambda m, w: m.load_style(3), "weights are .safetensors files"),
         (lambda m, w: mk.methods.load("few-shot", prior="dragons"), "no checkpoint"),
         (lambda m, w: mk.methods.load("few-shot", prior=m.prior), "give its discriminator too"),
     ],

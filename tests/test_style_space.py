@@ -87,7 +87,7 @@ def test_a_space_is_kept_for_its_prior_alone(prior, small, tmp_path):
             StyleSpace.load(path, prior)
 
 
-def test_a_reader_guesses_codes_and_belongs_to_its_space(prior, known, small, tmp_path):
+def test_a_reader_guesses_codes_and_belongs_to_its_prior(prior, known, small, tmp_path):
     other = StyleSpace(prior, small.network, small.chain)
     assert other.read(known.styled[0].float()) is None
     with pytest.MonkeyPatch.context() as patch:
@@ -101,9 +101,20 @@ def test_a_reader_guesses_codes_and_belongs_to_its_space(prior, known, small, tm
     path = other.save_reader(tmp_path / "actor-reader.safetensors", card)
     again = StyleSpace(prior, small.network, small.chain).load_reader(path)
     assert all(torch.allclose(a, b, atol=0.01) for a, b in zip(again.read(long), (code, spread)))
-    elsewhere = StyleSpace(prior, CodedDenoiser(prior.network), small.chain)
-    with pytest.raises(mk.MotionKitError, match="belongs to another space"):
-        elsewhere.load_reader(path)
+    tensors, card = checkpoints.load(path)
+    checkpoints.save(path, tensors, card | {"prior": "other"})
+    with pytest.raises(mk.MotionKitError, match="as another prior does"):
+        again.load_reader(path)
+
+
+def test_a_space_goes_on_from_another(prior, known, small):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(space_recipe, "BATCH", 4)
+        patch.setattr(space_recipe, "_BACK", 1)
+        later = train_space(prior, known, Schedule(1, 1e-9), small, title="")
+    assert misses(later, known) == pytest.approx(misses(small, known), abs=1e-3)
+    assert later.card["started_from"]["steps"] == small.card["steps"] and later.card["steps"] == 1
+    assert later.network is not small.network
 
 
 def test_learning_starts_from_what_is_read_and_stays_near_where_that_is_sure(small):

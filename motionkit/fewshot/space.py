@@ -124,7 +124,7 @@ class StyleSpace:
         return checkpoints.save(path, tensors, card)
 
     def load_reader(self, path: str | os.PathLike) -> StyleSpace:
-        """The space with the reader that `save_reader` wrote; MotionKitError where it is for another prior's motions."""
+        """The space with the reader that `save_reader` wrote; MotionKitError where it is for another prior."""
         tensors, card = checkpoints.load(path, "reader")
         if card.get("prior") != self.prior.key:
             raise MotionKitError(f"{path}: this reader sees motions as another prior does; train one for this")

@@ -164,8 +164,9 @@ def misses(space: StyleSpace, known: Lessons) -> dict[str, float]:
 def train_part(data: Dataset, steps: int | None, seed: int, command: str, start: str | None = None) -> Path:
     """Train the space of a dataset's prior and write it where `space.load` finds it; returns the weights' path.
 
-    start: the name of a space to go on from, the one trained before for instance. The state of the run is kept beside the weights, so a run that was broken off goes on. Only the performer can tell a
-    motion in a style that was never captured, so raises MotionKitError for captures.
+    start: the name of a space to go on from, the one trained before for instance. The state of the run is kept beside
+    the weights, so a run that was broken off goes on. Only the performer can tell a motion in a style that was never
+    captured, so raises MotionKitError for captures.
     """
     if data.name != "actor":
         raise MotionKitError(f"a space of styles is learned from the performer, data 'actor'; found {data.name!r}")

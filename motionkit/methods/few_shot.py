@@ -28,7 +28,7 @@ from ..fewshot import (
     teach,
     with_autoencoder,
 )
-from ..fewshot.asked import as_styles
+from ..fewshot.asked import NAMELESS, as_styles, check_learning
 from ..fewshot.space import found_for
 from ..motion import Motion
 from ..pairs import NEUTRAL, NeutralPairs
@@ -140,15 +140,21 @@ class FewShot:
             return self.prior
         return with_autoencoder(self.prior, self.pairs.library, seed=self.seed)
 
-    def learn(self, style: Motion, prompt: str, *, content: str | None = None, **running) -> LearnedStyle:
+    def learn(
+        self, style: Motion, prompt: str | None = None, *, content: str | None = None, **running
+    ) -> LearnedStyle:
         """Teach the prior the style of one clip (paper 1, section 3.4); `stylize` uses it from now on.
 
-        style: at least 1 s, of a human body. prompt: d^s, a sentence that says what is done and in which style.
-        content: what is done, a label of the library, where the recipe's pair comes from there. running: as in
-        `training.fit`: `keep`, a file for the state of the run, `show`, `title`. Raises MotionKitError for a clip that
-        is too short or cannot be retargeted to the prior's body, and a prompt without words of a style.
+        style: at least 1 s, of a human body. prompt: d^s, a sentence that says what is done and in which style; it may
+        be left out in a space of styles, which hears no words of style. content: what is done, a label of the library,
+        where the recipe's pair comes from there. running: as in `training.fit`: `keep`, a file for the state of the
+        run, `show`, `title`. Raises MotionKitError for a clip that is too short or cannot be retargeted to the prior's
+        body, a prompt without words of a style, and words that are none of these.
         """
         check_clips(self.name, style, style)
+        check_learning(self, prompt, running)
+        if prompt is None:
+            prompt = self.prompt_for(style)
         if style.duration < _LEAST - 1e-6:
             raise MotionKitError(
                 f"style clip {style.name!r} lasts {style.duration:.2f} s; a style is learned from {_LEAST:g} s or more"
@@ -264,6 +270,10 @@ class FewShot:
         known = [one for one in self.prior.known if text.to_neutral(one) == one or " neutral" in one]
         known = known or sorted({text.to_neutral(one) for one in self.prior.known})
         return known[int(self.discriminator.similarity([content], known)[0].argmax())]
+
+    def prompt_for(self, style: Motion) -> str:
+        """A sentence for a style clip of which nothing is said."""
+        return text.to_style(self.caption_of(self.seen(style)), NAMELESS)
 
     def transfer(self, content: Clip, style: Clip) -> Motion:
         """`stylize` for labelled clips with captions, as the arena asks: the style is learned when it first comes."""

@@ -187,10 +187,11 @@ def _check(source: Body, target: Body, names: Mapping[str, str | None]) -> None:
     ]
     if not missing:
         return
-    matched = [
-        f"{role} ({source.skeleton.names[source.roles[role]]} -> {target.skeleton.names[target.roles[role]]})"
-        for role in NEEDED
-        if role not in missing and role in source.roles
+    matched = [role for role in NEEDED if role in source.roles and role not in missing]
+    free = [
+        [name for n, name in enumerate(body.skeleton.names) if n not in body.roles.values()]
+        for body in (source, target)
+        if any(role not in body.roles for role in missing)
     ]
 
     def name(body: Body, role: str, what: str) -> str:
@@ -199,7 +200,7 @@ def _check(source: Body, target: Body, names: Mapping[str, str | None]) -> None:
     table = ", ".join(f"{name(target, r, 'target')}: {name(source, r, 'source')}" for r in missing)
     raise MotionKitError(
         f"retarget: expected hips, knees, ankles, shoulders and elbows of both sides on both skeletons; "
-        f"matched {', '.join(matched) or 'none'}; not found: {', '.join(missing)}. Say which joints they are with "
-        f"names={{{table}}}, or give None for a joint to leave out. Source joints: {', '.join(source.skeleton.names)}. "
-        f"Target joints: {', '.join(target.skeleton.names)}"
+        f"matched {', '.join(matched) or 'none'}; not found: {', '.join(missing)}. Say which joints "
+        f"they are with names={{{table}}}, or give None for a joint to "
+        f"leave out. Joints that play no part yet: {'; '.join(', '.join(names) for names in free)}"
     )
