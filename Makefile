@@ -11,10 +11,10 @@ IN := $(VENV)/bin/python
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-diffusion bench-few-shot bench-few-shot-why bench-io bench-style-erd fuzz pins clean
+.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-diffusion bench-few-shot bench-few-shot-held-back bench-few-shot-why bench-io bench-style-erd bench-style-erd-captures bench-style-erd-longer fuzz pins clean
 
 help: ## list the commands
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-24s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 lab: $(READY) ## open JupyterLab on the tour
 	$(IN) -m jupyter lab notebooks/00_tour.ipynb $(LAB)
@@ -48,8 +48,11 @@ bench-arena: $(READY) ## measure the arena, and the methods to beat, into result
 bench-diffusion: $(READY) ## measure samplers, priors and discriminators into results/diffusion.json
 	$(IN) tools/bench_diffusion.py
 
-bench-few-shot: $(READY) ## measure few-shot style transfer (paper 1) into results/few-shot.json
+bench-few-shot: $(READY) ## few-shot style transfer (paper 1) on captures, into results/few-shot.json
 	$(IN) tools/bench_few_shot.py
+
+bench-few-shot-held-back: $(READY) ## few-shot in styles held back, into results/few-shot-held-back.json
+	$(IN) tools/bench_few_shot_held_back.py
 
 bench-few-shot-why: $(READY) ## experiments on paper 1's table 3, into results/few-shot-why.json
 	$(IN) tools/bench_few_shot_why.py
@@ -59,6 +62,12 @@ bench-io: $(READY) ## measure reading and kinematics into results/io.json
 
 bench-style-erd: $(READY) ## measure Style-ERD (paper 2) into results/style-erd.json
 	$(IN) tools/bench_style_erd.py
+
+bench-style-erd-captures: $(READY) ## Style-ERD on Bandai-2, into results/style-erd-captures.json
+	$(IN) tools/bench_style_erd_captures.py
+
+bench-style-erd-longer: $(READY) ## a row of its table 1 trained longer, into results/style-erd-longer.json
+	$(IN) tools/bench_style_erd_longer.py
 
 fuzz: $(READY) ## nightly: the BVH reader against 20,000 broken files
 	MOTIONKIT_FUZZ=20000 $(IN) -m pytest -q tests/test_bvh_fuzz.py

@@ -125,12 +125,12 @@ def switches(model: ErdModel, figures: dict) -> None:
     figures["switch_jerk_ratio"] = figure(share, 1, "", "90th percentile in a change over that elsewhere", False)
 
 
-def row_model(name: str, train) -> ErdModel:
+def row_model(name: str, train, steps: int = ROW_STEPS) -> ErdModel:
     """A model of a row of table 1, kept in the cache."""
     torch.set_num_threads(1)
-    recipe = replace(ABLATIONS[name], steps=ROW_STEPS)
+    recipe = replace(ABLATIONS[name], steps=steps)
     word = "".join(c if c.isalnum() else "-" for c in name)
-    path = cache_folder() / "bench" / f"erd-{word}-{ROW_STEPS}-{data_hash(train)}.safetensors"
+    path = cache_folder() / "bench" / f"erd-{word}-{steps}-{data_hash(train)}.safetensors"
     os.makedirs(path.parent, exist_ok=True)
     if not path.exists():
         train_model(train, recipe, label_steps=0, title="", keep=path.with_suffix(".run")).save(path)

@@ -20,8 +20,8 @@ NAMELESS = "given"  # the style's word in the sentence for a clip of which nothi
 def as_styles(method, style: object) -> dict[LearnedStyle, float]:
     """A style as `stylize` of the few-shot method takes it, with weights.
 
-    method: a `methods.few_shot.FewShot`. style: None, for the one learned last; a LearnedStyle; a label or sentence, see
-    `named_style`; a mapping from these to weights; a Motion, which is learned first. Raises MotionKitError for what
+    method: a `methods.few_shot.FewShot`. style: None, for the one learned last; a LearnedStyle; a label or sentence,
+    see `named_style`; a mapping from these to weights; a Motion, which is learned first. Raises MotionKitError for what
     is none of these, and for styles of another prior.
     """
     if style is None:

@@ -1,0 +1,44 @@
+"""Measure Style-ERD (paper 2) on captures, Bandai-2, into results/style-erd-captures.json.
+
+make bench-style-erd-captures        (needs the Bandai-2 archive: MOTIONKIT_DATA, or ../shared/datasets)
+
+The model is the shipped one of Bandai-2 (`python -m motionkit train erd --data bandai-2`), with normal as neutral.
+"""
+
+import sys
+import time
+from dataclasses import replace
+
+import motionkit as mk
+from bench import ROOT, figure, find_root, write_result
+from motionkit.arena import PROTOCOLS
+
+RESULT = ROOT / "results" / "style-erd-captures.json"
+RIVALS = ("knn-dtw", "linear", "statistics")
+ENDS = (("fmd", min), ("fmd_ae", min), ("cra", max), ("sra", max))
+
+
+def main() -> int:
+    """Measure everything and write results/style-erd-captures.json."""
+    start = time.perf_counter()
+    try:
+        split = mk.datasets.load("bandai-2", find_root()).split()
+    except mk.MotionKitError as error:
+        print(error)
+        return 1
+    protocol = replace(PROTOCOLS["paper-1"], name="paper-1, one example", examples=1)  # more have the same label
+    methods = {"style-erd": mk.methods.load("style-erd", model="bandai-2")} | {name: name for name in RIVALS}
+    table = mk.arena.run(methods, split, protocol)
+    print(table)
+    found, figures = {row["method"]: row for row in table.records()}, {}
+    for label, better in ENDS:
+        best = better((found[name] for name in RIVALS), key=lambda row: row[label])
+        note = f"{label} over that of the best baseline, {best['method']}; {found['style-erd']['transfers']} transfers"
+        share, ends = found["style-erd"][label] / best[label], "ratio" if better is min else "share"
+        figures[f"{label}_over_best_{ends}"] = figure(share, 1, "", note, better is max)
+    write_result(RESULT, "make bench-style-erd-captures", start, figures, {"bandai-2": table.records()})
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
