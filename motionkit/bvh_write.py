@@ -29,7 +29,7 @@ def save(motion: Motion, path: str | os.PathLike) -> Path:
     channels that it did not have only where the motion needs them. As braces nest, the file lists joints branch by
     branch, whatever their order in the skeleton. The file is written whole or not at all. Returns the path. Warns
     (MotionKitWarning) where `load` would guess another unit than the motion's. Raises MotionKitError if it cannot
-    be written, or a joint's name does not fit into a BVH file.
+    be written, a joint's name does not fit into a BVH file, or the path does not end in .bvh.
 
     >>> import tempfile
     >>> from motionkit.bvh import load
@@ -41,6 +41,8 @@ def save(motion: Motion, path: str | os.PathLike) -> Path:
     if not isinstance(motion, Motion):
         hint = motion_inside(motion)
         raise MotionKitError(f"save(motion, path): expected a Motion first; found {type(motion).__name__}{hint}")
+    if isinstance(path, str | os.PathLike) and str(path) and Path(path).suffix.lower() != ".bvh":
+        raise MotionKitError(f"{path}: what is written is a BVH file; let its name end in .bvh")
     text = format_bvh(motion)
     unit = motion.metres_per_unit
     guess = guess_metres_per_unit(motion.skeleton, unit)

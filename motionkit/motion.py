@@ -78,7 +78,7 @@ class Motion:
 
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
-        length = f"{len(self)} frames at {self.fps:g} fps, {self.duration:.1f} s"
+        length = f"{len(self)} frame{'s' * (len(self) != 1)} at {self.fps:g} fps, {self.duration:.1f} s"
         return f"Motion({name}{length}, {len(self.skeleton)} joints)"
 
     def __getitem__(self, frames: slice | int) -> Motion:

@@ -203,3 +203,10 @@ def test_written_files_have_usual_permissions(tmp_path):
     path = files.write_atomic(tmp_path / "a", "x")
     (tmp_path / "b").write_text("x")
     assert stat.S_IMODE(path.stat().st_mode) == stat.S_IMODE((tmp_path / "b").stat().st_mode)
+
+
+def test_a_file_is_named_as_what_it_is(tmp_path):
+    walk = mk.load("data/actor/walk_neutral.bvh")
+    with pytest.raises(mk.MotionKitError, match="let its name end in .bvh"):
+        mk.save(walk, tmp_path / "walk.fbx")
+    assert not list(tmp_path.iterdir()) and mk.save(walk, tmp_path / "walk.BVH").exists()

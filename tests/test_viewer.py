@@ -108,7 +108,7 @@ def test_no_frames_is_one_clear_error(walk):
 
 def test_wrong_arguments_say_what_was_expected(walk):
     wrong = {
-        "layout 'above': expected one of side, overlay": {"layout": "above"},
+        "layout 'above': expected one of side, treadmill, overlay": {"layout": "above"},
         "role 'teacher': expected one of content, style, result": {"roles": ["teacher"]},
         "labels: expected 1, one for each motion; found 2": {"labels": ["a", "b"]},
         "trails: no joint 'Wing'": {"trails": ["Wing"]},
@@ -139,6 +139,18 @@ def test_side_by_side_leaves_room_and_overlay_leaves_places(walk, proud):
     assert np.array_equal(body.figures([walk, proud], layout="overlay")[1].points, proud.positions().numpy())
     # whoever faces +Z has its left hand at +X, which a viewer in front sees at the right
     assert starts[0, 0] < starts[1, 0] < starts[2, 0]
+
+
+def test_on_a_treadmill_nobody_leaves_the_spot_and_the_body_moves_as_before(walk, proud):
+    made = body.figures([walk, proud], layout="treadmill")
+    for figure, motion in zip(made, (walk, proud)):
+        places = motion.positions().numpy()
+        assert np.ptp(places[:, 0, 2]) > 1.5 and np.ptp(figure.points[:, 0, [0, 2]], axis=0).max() < 0.25
+        around, before = (x - x[:, :1] for x in (figure.points, places))
+        assert np.abs(around - before).max() < 1e-4 and np.allclose(figure.points[..., 1], places[..., 1], atol=1e-5)
+    assert abs(made[0].points[0, 0, 0] - made[1].points[0, 0, 0]) > 0.6
+    one = body.figures(walk[:1], layout="treadmill")[0]
+    assert one.points.shape == (1, 22, 3) and np.isfinite(one.points).all()
 
 
 def test_contacts_in_every_form_say_the_same(walk):

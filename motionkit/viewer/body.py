@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import MotionKitError, motion_inside
 from . import colours
 
-LAYOUTS = ("side", "overlay")
+LAYOUTS = ("side", "treadmill", "overlay")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,15 +88,18 @@ def per_motion(values: Sequence | None, count: int, what: str) -> list:
 def figures(motions: object, *, roles: Sequence | None = None, layout: str = "side") -> list[Figure]:
     """Motions as figures: limbs by side, or shades of one colour where roles are given; placed by `layout`.
 
-    layout: "side" stands them beside each other, from the right hand of the first one to its left; "overlay" leaves
-    each where it is. The floor (y = 0) is left as it is.
+    layout: "side" stands them beside each other, from the right hand of the first one to its left; "treadmill" does,
+    without their way over the floor, so that those who run do not run away; "overlay" leaves each where it is. The
+    floor (y = 0) is left as it is.
     """
     found = as_list(motions)
     if layout not in LAYOUTS:
         raise MotionKitError(f"layout {layout!r}: expected one of {', '.join(LAYOUTS)}")
     roles = per_motion(roles, len(found), "roles")
     made = [_figure(m, role, n) for n, (m, role) in enumerate(zip(found, roles))]
-    return _beside(made) if layout == "side" and len(made) > 1 else made
+    if layout == "treadmill":
+        made = [_on_a_treadmill(figure) for figure in made]
+    return _beside(made) if layout != "overlay" and len(made) > 1 else made
 
 
 def _figure(motion: object, role: str | None, index: int) -> Figure:
@@ -190,6 +193,16 @@ def lefts(points: np.ndarray, sides: Sequence[str], parents: Sequence[int]) -> n
         length = np.linalg.norm(found, axis=-1, keepdims=True)
         across = np.where(length > 1e-4, found / np.maximum(length, 1e-4), across)
     return across.astype(np.float32)
+
+
+def _on_a_treadmill(figure: Figure) -> Figure:
+    """A figure without its way over the floor; what it sways within a second stays."""
+    way = figure.points[:, figure.drawn].mean(axis=1) * np.float32([1, 0, 1])
+    half = min(round(figure.fps / 2), len(way) - 1)
+    longer = np.pad(way, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")  # goes on as it came
+    sums = np.cumsum(np.concatenate((np.zeros_like(longer[:1]), longer)), axis=0, dtype=np.float64)
+    smooth = (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
+    return replace(figure, points=(figure.points - smooth[:, None]).astype(np.float32))
 
 
 def _beside(made: list[Figure]) -> list[Figure]:

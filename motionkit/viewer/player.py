@@ -71,10 +71,11 @@ class Player(anywidget.AnyWidget):
 
     motions: a Motion or a list of them; different lengths, frame rates and skeletons play together by time.
     labels: a text over each; with several motions the role or name by default. roles: for each "content", "style",
-    "result", a colour `#rrggbb` or None (limbs coloured by side). layout: "side" or "overlay" (each at its own place).
-    trails: joints that draw their path. contacts: True to find the feet's; else for each motion what
-    `contacts.foot_contacts` gives, or (joint names, bool tensor [F, K]), or a dict from joint name to bool [F]; in a
-    list where there are several motions. height: pixels. autoplay: start by itself when seen.
+    "result", a colour `#rrggbb` or None (limbs coloured by side). layout: "side", "treadmill" (side by side, and nobody
+    leaves the spot) or "overlay" (each at its own place). trails: joints that draw their path. contacts: True to find
+    the feet's; else for each motion what `contacts.foot_contacts` gives, or (joint names, bool tensor [F, K]), or a
+    dict from joint name to bool [F]; in a list where there are several motions. height: pixels. autoplay: start by
+    itself when seen.
 
     `frame` (counted in the first motion's frames), `playing`, `speed` and `loop` are traits: set them and the picture
     follows; while it plays, `frame` is reported at most about eight times a second. `player.motions = ...` or
