@@ -43,13 +43,13 @@ def upload(lesson, name, content):
 
 
 def test_a_file_is_learned_and_played(lesson):
-    assert lesson.result is None and lesson.player.motions == [WALK]
+    assert lesson.results == [] and lesson.player.motions == [WALK]
     upload(lesson, "mine.bvh", Path("data/actor/walk_old.bvh").read_bytes())
     assert lesson.message.startswith("mine: ") and lesson.message.endswith("s; now say what it does, and how")
     lesson.controls["prompt"].value = "a person walks like a king"
     lesson.button.click()
     assert lesson._method.clip.name == "mine" and lesson.message.startswith("learned 'king' from 'mine'")
-    assert lesson.player.motions == [WALK, lesson.result] and lesson.result.name == "walk_neutral as king"
+    assert lesson.player.motions == [WALK, *lesson.results] and lesson.results[0].name == "walk_neutral as king"
     lesson.controls["content"].value = "a person jumps"
     lesson.controls["strength"].value = 1.5
     assert lesson._method.asked[-1] == ("jump_neutral", "king", 1.5, "a person jumps")
@@ -58,9 +58,22 @@ def test_a_file_is_learned_and_played(lesson):
 
 def test_a_first_clip_is_learned_at_once():
     lesson = StyleLesson(Acted(), CONTENTS, mk.load("data/actor/walk_old.bvh"), "a person walks old")
-    assert lesson.learned.style == "old" and lesson.result.name == "walk_neutral as old"
+    assert lesson.learned.style == "old" and lesson.results[0].name == "walk_neutral as old"
     with pytest.raises(mk.MotionKitError, match="the prompt is empty"):
         StyleLesson(Acted(), CONTENTS, WALK)
+
+
+def test_all_contents_are_played_side_by_side():
+    lesson = StyleLesson(Acted(), CONTENTS, mk.load("data/actor/walk_old.bvh"), "a person walks old")
+    lesson.controls["content"].value = "all of them"
+    assert lesson.player.motions == lesson.results
+    assert [one.name for one in lesson.results] == ["walk_neutral as old", "jump_neutral as old"]
+    assert lesson._method.asked[-1] == ("jump_neutral", "old", 1.0, "a person jumps")
+    assert len(lesson.still()) > 10_000
+    fresh = StyleLesson(Acted(), CONTENTS)
+    fresh.controls["content"].value = "all of them"
+    assert fresh.player.motions == [WALK, JUMP] and len(fresh.still()) > 10_000
+    assert "all of them" not in StyleLesson(Acted(), {"a person walks": WALK}).controls["content"].options
 
 
 def test_what_is_wrong_is_told_and_the_style_before_stays(lesson):

@@ -16,13 +16,15 @@ from .player import Player
 from .plots import INK, SOFT, Print, few_colours, strip
 
 _TINTS = {"said": SOFT, "error": "#b3261e"}
+ALL = "all of them"
 _STRENGTHS = (0.0, 0.5, 0.75, 1.0, 1.25, 1.5)
 
 
 class StyleLesson(Pictured, ipywidgets.HBox):
     """Controls on the left: a BVH file, a sentence that says what it does and how, *learn*; then what is to be played.
 
-    On the right a player with a content and the same content in the style that was learned last. What is wrong with a
+    On the right a player with a content and the same content in the style that was learned last, or with all contents
+    in that style, each on the spot. What is wrong with a
     clip or a sentence is told under the controls, and what was learned before stays.
 
     method: of `methods.load("few-shot")`, or anything with its `learn` and `stylize`. contents: by their captions,
@@ -30,7 +32,8 @@ class StyleLesson(Pictured, ipywidgets.HBox):
     MotionKitError if there are no contents, or if the first clip cannot be learned from.
 
     controls: "file", "prompt", "content" and "strength", name to widget; set their values and it follows; `learn()` is
-    what the button does. `result` is what is shown, `learned` the style, `message` what stands under the controls.
+    what the button does. `results` are the restyled motions shown, `learned` the style, `message` what stands under the
+    controls.
 
     >>> import motionkit as mk
     >>> walk, old = (mk.load(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old"))
@@ -47,11 +50,11 @@ class StyleLesson(Pictured, ipywidgets.HBox):
         if not contents or not all(isinstance(motion, Motion) for motion in contents.values()):
             raise MotionKitError(f"StyleLesson: expected contents by their captions; found {contents!r:.80}")
         self._method, self._contents, self._clip = method, dict(contents), style
-        self.learned, self.result, self.message, self._kind = None, None, "", "said"
+        self.learned, self.results, self.message, self._kind = None, [], "", "said"
         self.controls = _controls(list(self._contents), prompt)
         self.button = ipywidgets.Button(description="learn", button_style="primary", layout={"width": "110px"})
         self._text = ipywidgets.HTML(layout={"width": "290px"})
-        self.player = Player(self.content, height=360, labels=["content"], roles=["content"])
+        self.player = Player(self.chosen, height=360, roles=["content"], labels=["content"])
         names = ("file", "prompt")
         left = [*(self.controls[name] for name in names), self.button, self.controls["content"]]
         column = ipywidgets.VBox(
@@ -68,9 +71,15 @@ class StyleLesson(Pictured, ipywidgets.HBox):
         self.button.on_click(lambda _: self.learn())
 
     @property
-    def content(self) -> Motion:
-        """The motion that is to be restyled."""
-        return self._contents[self.controls["content"].value]
+    def captions(self) -> list[str]:
+        """Of the motions that are to be restyled."""
+        caption = self.controls["content"].value
+        return list(self._contents) if caption == ALL else [caption]
+
+    @property
+    def chosen(self) -> list[Motion]:
+        """The motions that are to be restyled."""
+        return [self._contents[caption] for caption in self.captions]
 
     def learn(self) -> None:
         """Learn the style of the clip that was given, and play it."""
@@ -99,17 +108,23 @@ class StyleLesson(Pictured, ipywidgets.HBox):
                 self._tell("error", str(error))
 
     def _play(self) -> None:
-        if self.learned is None:
-            self.player.set_motions(self.content, labels=["content"], roles=["content"])
+        plain, captions, style = self.chosen, self.captions, self.learned
+        several = len(plain) > 1
+        layout = "treadmill" if several else "side"
+        if style is None:
+            self.player.set_motions(plain, labels=captions, roles=["content"] * len(plain), layout=layout)
             return
-        caption, strength = self.controls["content"].value, self.controls["strength"].value
+        strength = self.controls["strength"].value
         try:
-            self.result = self._method.stylize(self.content, self.learned, strength, caption=caption)
+            made = [self._method.stylize(one, style, strength, caption=text) for one, text in zip(plain, captions)]
         except MotionKitError as error:
             self._tell("error", str(error))
             return
-        labels = ["content", self.learned.style]
-        self.player.set_motions([self.content, self.result], labels=labels, roles=["content", "result"])
+        self.results = made
+        shown, names, roles = [*plain, *made], ["content", style.style], ["content", "result"]
+        if several:
+            shown, names, roles = made, [one.name.split(" as ")[0] for one in made], ["result"] * len(made)
+        self.player.set_motions(shown, labels=names, roles=roles, layout=layout)
 
     def _tell(self, kind: str, text: str) -> None:
         self._kind, self.message = kind, text
@@ -118,11 +133,12 @@ class StyleLesson(Pictured, ipywidgets.HBox):
 
     def still(self) -> bytes:
         """Content, result and message, as the bytes of a PNG."""
-        rows = [self.content] if self.result is None else [self.content, self.result]
+        made, plain = self.results, self.chosen
+        plain = [] if len(made) > 1 else plain
+        rows, roles = [*plain, *made], ["content"] * len(plain) + ["result"] * len(made)
         picture, raw = Print(figsize=(8.6, 1.0 + 1.7 * len(rows)), dpi=100), io.BytesIO()
-        labels = ["content", self.learned.style][: len(rows)] if self.learned else None
-        axes, roles = picture.add_axes((0, 0.12, 1, 0.85)), ["content", "result"][: len(rows)]
-        strip(rows, poses=9, labels=labels, roles=roles, ax=axes)
+        labels = ["content", self.learned.style] if len(made) == 1 else [one.name for one in rows]
+        strip(rows, poses=9, labels=labels, roles=roles, ax=picture.add_axes((0, 0.12, 1, 0.85)))
         told = self.message if len(self.message) < 130 else f"{self.message[:127]}..."
         colour = INK if self._kind == "said" else _TINTS["error"]
         picture.text(0.025, 0.05, told, fontsize=8.5, color=colour, va="center")
@@ -135,7 +151,7 @@ def _controls(captions: list[str], prompt: str) -> dict[str, ipywidgets.Widget]:
     return {
         "file": ipywidgets.FileUpload(accept=".bvh", description="a BVH file", layout={"width": "200px"}),
         "prompt": ipywidgets.Text(value=prompt, placeholder="a person walks like a king", **wide),
-        "content": ipywidgets.Dropdown(options=captions, description="play", **wide),
+        "content": ipywidgets.Dropdown(options=[*captions, *[ALL][: len(captions) > 1]], description="play", **wide),
         "strength": ipywidgets.SelectionSlider(
             options=_STRENGTHS, value=1.0, description="strength", continuous_update=False, **wide
         ),
