@@ -239,4 +239,4 @@ def test_the_papers_recipe():
     paper = Recipe.paper()
     assert (paper.noise, paper.change, paper.chain, paper.weights) == (950, 300, 20, (1.0, 0.1))
     assert (paper.batch, paper.rate, paper.rank, paper.pair_steps) == (64, 1e-4, 0, None)
-    assert paper.steps == math.ceil(23384 / 64)
+    assert paper.steps == math.ceil(23384 / 64) == Recipe.laptop().steps

@@ -19,6 +19,7 @@ from .adapters import Adapter
 from .chain import CHANGE, NOISE, STEPS, Chain, reconstruction_loss, total_loss
 from .space import Point, StyleSpace
 
+EPOCH = -(-23384 // 64)  # batches of paper 1's one epoch (section 4)
 PAIRS = ("prior", "knn-dtw", "space")
 MODELS = ("diffusion", "autoencoder", "space")
 
@@ -32,7 +33,8 @@ class Recipe:
     changes all weights. pair: where the neutral motion of the pair comes from (tables 2 and 3); pair_steps: of DDPM,
     where the prior makes it; None for every one. frames: of the windows that the semantic loss sees. model: what
     learns: the prior, an autoencoder (table 3), or a point in a space of styles, which can make the pair too. `paper()`
-    is as published, `laptop()` learns in a minute on two cores, `in_space()` finds such a point, beyond the paper.
+    is as published; `laptop()` takes as many steps of smaller batches, a minute or so on two cores; `in_space()` finds
+    such a point, beyond the paper.
     Raises MotionKitError for values out of range.
     """
 
@@ -40,7 +42,7 @@ class Recipe:
     change: int = CHANGE
     chain: int = STEPS
     weights: tuple[float, float] = (1.0, 0.1)
-    steps: int = 60
+    steps: int = EPOCH
     batch: int = 8
     rate: float = 3e-4
     rank: int = 8
@@ -71,7 +73,7 @@ class Recipe:
 
     @classmethod
     def laptop(cls) -> Recipe:
-        """The same parts in a minute on two cores."""
+        """The same parts and as many steps, of small batches."""
         return cls()
 
     @classmethod
