@@ -8,7 +8,10 @@ import tempfile
 import time
 from pathlib import Path
 
+from motionkit import datasets
 from motionkit.checkpoints import hardware
+from motionkit.datasets import Dataset
+from motionkit.errors import MotionKitError
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -62,6 +65,14 @@ def find_root() -> str:
     given = os.environ.get("MOTIONKIT_DATA") or ROOT.parent / "shared" / "datasets"
     archives = sorted(Path(given).glob("Bandai*.zip")) if Path(given).is_dir() else []
     return str(archives[0] if archives else given)
+
+
+def captures() -> Dataset:
+    """Bandai-2 whole; where it is not there the benchmark ends, and says what to do."""
+    try:
+        return datasets.load("bandai-2", find_root())
+    except MotionKitError as error:
+        sys.exit(str(error))
 
 
 def write_result(path: Path, command: str, start: float, figures: dict, tables: dict | None = None) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import torch
 
 import motionkit as mk
-from bench import ROOT, figure, find_root, run_python, write_result
+from bench import ROOT, captures, figure, run_python, write_result
 from bench_corpus import corpus_speed
 from motionkit import actor
 from motionkit.actor.body import HEEL
@@ -186,11 +186,7 @@ def speed(folder: Path) -> dict:
 def main() -> int:
     """Measure everything and write results/actor.json."""
     start = time.perf_counter()
-    try:
-        captured = mk.datasets.load("bandai-2", find_root())
-    except mk.MotionKitError as error:
-        print(error)
-        return 1
+    captured = captures()
     with tempfile.TemporaryDirectory() as folder:
         figures = speed(Path(folder))
     torch.set_num_threads(2)

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import motionkit as mk
-from bench import ROOT, figure, find_root, run_python, write_result
+from bench import ROOT, captures, figure, run_python, write_result
 from motionkit.arena import PROTOCOLS
 from motionkit.datasets.store import cache_folder
 
@@ -85,12 +85,7 @@ def small(folder: Path) -> dict:
 
 def main() -> int:
     """Measure everything and write results/arena-baselines.json."""
-    start, root = time.perf_counter(), find_root()
-    try:
-        captured = mk.datasets.load("bandai-2", root).split()
-    except mk.MotionKitError as error:
-        print(error)
-        return 1
+    start, captured = time.perf_counter(), captures().split()
     with tempfile.TemporaryDirectory() as folder:
         figures = measuring(Path(folder, "measuring")) | small(Path(folder, "small"))
     count = len(PROTOCOLS["paper-1"].transfers(captured.test))

@@ -12,7 +12,7 @@ from dataclasses import replace
 import torch
 
 import motionkit as mk
-from bench import ROOT, figure, find_root, write_result
+from bench import ROOT, captures, figure, write_result
 from motionkit.arena import PROTOCOLS
 from motionkit.fewshot import ABLATIONS, Recipe
 
@@ -73,14 +73,8 @@ def sweeps(method, test) -> dict:
 
 def main() -> int:
     """Measure everything and write results/few-shot.json."""
-    start, root = time.perf_counter(), find_root()
-    try:
-        split = mk.datasets.load("bandai-2", root).split()
-    except mk.MotionKitError as error:
-        print(error)
-        return 1
-    figures: dict = {}
-    tables = bandai(split, figures)
+    start, figures = time.perf_counter(), {}
+    tables = bandai(captures().split(), figures)
     write_result(RESULT, "make bench-few-shot", start, figures, tables)
     return 0
 

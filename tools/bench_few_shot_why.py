@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import cached_property
 
 import motionkit as mk
-from bench import ROOT, figure, find_root, write_result
+from bench import ROOT, captures, figure, write_result
 from motionkit.arena import PROTOCOLS
 from motionkit.fewshot import ABLATIONS, with_autoencoder
 from motionkit.methods.few_shot import FewShot
@@ -36,12 +36,7 @@ class Elsewhere(FewShot):
 
 def main() -> int:
     """Measure everything and write results/few-shot-why.json."""
-    start = time.perf_counter()
-    try:
-        split = mk.datasets.load("bandai-2", find_root()).split()
-    except mk.MotionKitError as error:
-        print(error)
-        return 1
+    start, split = time.perf_counter(), captures().split()
     protocol = replace(PROTOCOLS["paper-1"], name="paper-1, one example", examples=1)
     methods = {row: Elsewhere("actor", library=split.train, recipe=ABLATIONS[row]) for row in ROWS}
     table = mk.arena.run(methods, split, protocol)

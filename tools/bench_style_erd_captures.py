@@ -10,7 +10,7 @@ import time
 from dataclasses import replace
 
 import motionkit as mk
-from bench import ROOT, figure, find_root, write_result
+from bench import ROOT, captures, figure, write_result
 from motionkit.arena import PROTOCOLS
 
 RESULT = ROOT / "results" / "style-erd-captures.json"
@@ -20,12 +20,7 @@ ENDS = (("fmd", min), ("fmd_ae", min), ("cra", max), ("sra", max))
 
 def main() -> int:
     """Measure everything and write results/style-erd-captures.json."""
-    start = time.perf_counter()
-    try:
-        split = mk.datasets.load("bandai-2", find_root()).split()
-    except mk.MotionKitError as error:
-        print(error)
-        return 1
+    start, split = time.perf_counter(), captures().split()
     protocol = replace(PROTOCOLS["paper-1"], name="paper-1, one example", examples=1)  # more have the same label
     methods = {"style-erd": mk.methods.load("style-erd", model="bandai-2")} | {name: name for name in RIVALS}
     table = mk.arena.run(methods, split, protocol)
