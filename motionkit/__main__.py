@@ -42,7 +42,8 @@ def _parser() -> argparse.ArgumentParser:
     strong = "0 keeps the input (style-erd: neutral), 1 is the style, 2 a caricature"
     stylize.add_argument("--strength", type=float, default=1.0, help=strong)
     stylize.add_argument("-o", "--output", required=True, help="the BVH file to write")
-    stylize.add_argument("--method", default="statistics", help=f"one of: {', '.join(methods.names())}")
+    known = f"one of: {', '.join(methods.names())} (statistics; few-shot where the style is one that was learned)"
+    stylize.add_argument("--method", help=known)
     stylize.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)
     _add_perform(commands)
     _add_imagine(commands)
@@ -75,7 +76,7 @@ def _add_imagine(commands: argparse._SubParsersAction) -> None:
 def _add_learn(commands: argparse._SubParsersAction) -> None:
     learn = commands.add_parser("learn", help="teach a prior the style of one clip (few-shot), and write a small file")
     learn.add_argument("style", help="a clip in the style, a BVH file of a second or more")
-    learn.add_argument("--prompt", required=True, help='what is done and how, such as "an old person walks"')
+    learn.add_argument("--prompt", help='what is done and how, such as "an old person walks"; `actor` needs none')
     learn.add_argument("--prior", default="actor", help="the dataset whose prior learns it")
     learn.add_argument("--root", help="the folder or zip of the captures, where the dataset needs one")
     learn.add_argument("--steps", type=int, help="of fine-tuning; left out, the recipe's")
@@ -166,24 +167,32 @@ def _play(args: argparse.Namespace) -> None:
 def _stylize(args: argparse.Namespace) -> None:
     output = _fresh(args.output, ".bvh", [args.input, args.style])
     content = load(args.input, args.metres_per_unit)
-    if Path(args.style).suffix == ".safetensors":
-        from .fewshot import prior_of
-
-        method = methods.load("few-shot", prior=prior_of(args.style))
-        style = method.load_style(args.style)
-    elif args.method in ("few-shot", "style-erd") and not Path(args.style).suffix:
-        method, style = methods.load(args.method), args.style
-    elif not Path(args.style).suffix and not Path(args.style).exists():
-        raise MotionKitError(
-            f"--style {args.style}: no such file; {args.method} takes its style from a BVH file. By name: "
-            "--method few-shot or --method style-erd"
-        )
-    else:
-        method, style = methods.load(args.method), load(args.style, args.metres_per_unit)
+    method, style = _method_and_style(args)
     options = {} if args.strength == 1 else {"strength": args.strength}
     if options and "strength" not in inspect.signature(method.stylize).parameters:
-        raise MotionKitError(f"method {args.method!r} has no strength; leave --strength out")
+        raise MotionKitError(f"method {method.name!r} has no strength; leave --strength out")
     print(save(method.stylize(content, style=style, **options), output))
+
+
+def _method_and_style(args: argparse.Namespace) -> tuple:
+    """What `stylize` is to use: a learned style belongs to few-shot, a name to the methods that know names."""
+    kind = Path(args.style).suffix
+    if kind == ".safetensors":
+        from .fewshot import prior_of
+
+        if args.method not in (None, "few-shot"):
+            raise MotionKitError(f"{args.style}: a learned style is for --method few-shot; found {args.method!r}")
+        method = methods.load("few-shot", prior=prior_of(args.style))
+        return method, method.load_style(args.style)
+    method = methods.load(args.method or "statistics")
+    if not kind and not Path(args.style).exists():
+        if method.name in ("few-shot", "style-erd"):
+            return method, args.style
+        raise MotionKitError(
+            f"--style {args.style}: no such file; {method.name} takes its style from a BVH file. By name: "
+            "--method few-shot or --method style-erd"
+        )
+    return method, load(args.style, args.metres_per_unit)
 
 
 def _perform(args: argparse.Namespace) -> None:
@@ -219,6 +228,8 @@ def _learn(args: argparse.Namespace) -> None:
 def _fresh(output: str | Path, suffix: str, inputs: list[str]) -> Path:
     """The file to write; refuses one that is read here, and names that would tell other programs something wrong."""
     path = Path(output)
+    if not path.parent.is_dir():
+        raise MotionKitError(f"{path}: there is no folder {path.parent}; make it first")
     if any(path.resolve() == Path(f).resolve() for f in inputs):
         raise MotionKitError(f"{path}: this file is read here and would be lost; write to another one with -o")
     if path.suffix.lower() != suffix and not path.is_dir():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import TypeVar
@@ -22,6 +21,7 @@ from .retargeting import retarget
 from .skeleton import Skeleton
 
 _T = TypeVar("_T")
+STRONGEST = 5.0  # how many times all of a style somebody may ask for
 _UNDER = 0.01  # metres: feet that go less deep under the ground are let go
 _SOFT = 0.07  # seconds over which a foot that goes deeper is lifted
 
@@ -35,7 +35,7 @@ def check_clips(method: str, content: Motion, style: Motion, strength: float = 1
     >>> check_clips("statistics", walk, walk, strength="1")
     Traceback (most recent call last):
     ...
-    motionkit.errors.MotionKitError: statistics: strength must be a number, ...
+    motionkit.errors.MotionKitError: statistics: strength must be a number ...
     """
     if not isinstance(content, Motion):
         hint = motion_inside(content)
@@ -48,11 +48,21 @@ def check_clips(method: str, content: Motion, style: Motion, strength: float = 1
     for what, motion in (("content", content), ("style", style)):
         if len(motion) < 2:
             raise MotionKitError(f"the {what} clip {motion.name!r} has {len(motion)} frames; two are the least")
-    if isinstance(strength, bool) or not isinstance(strength, int | float) or not math.isfinite(strength):
-        raise MotionKitError(
-            f"{method}: strength must be a number, 0 for the content as it is, 1 for all of the style; found "
-            f"{strength!r}"
-        )
+    check_share(f"{method}: strength", strength)
+
+
+def check_share(what: str, share: object) -> None:
+    """Raises MotionKitError unless it is a number that can say how much of a style is wanted.
+
+    >>> check_share("strength", 1.5)
+    >>> check_share("strength", 50)
+    Traceback (most recent call last):
+    ...
+    motionkit.errors.MotionKitError: strength must be a number from -5 to 5, 1 for all of the style; found 50
+    """
+    if isinstance(share, bool) or not isinstance(share, int | float) or not abs(share) <= STRONGEST:
+        bounds = f"from -{STRONGEST:g} to {STRONGEST:g}"
+        raise MotionKitError(f"{what} must be a number {bounds}, 1 for all of the style; found {share!r}")
 
 
 _BODIES: WeakKeyDictionary[Skeleton, Skeleton] = WeakKeyDictionary()
@@ -184,7 +194,18 @@ def in_step(body: Motion, content: Motion) -> Motion:
     >>> bool((in_step(walk, walk).positions() - walk.positions()).abs().max() < 1e-5)
     True
     """
-    return scale_path(body, within(velocity_factor(body) / max(velocity_factor(content), 1e-6)))
+    return scale_path(body, pace(body, content))
+
+
+def pace(body: Motion, content: Motion) -> float:
+    """The factor of `in_step`, within bounds.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
+    >>> pace(walk, walk)
+    1.0
+    """
+    return within(velocity_factor(body) / max(velocity_factor(content), 1e-6))
 
 
 def within(factor: float, most: float = 3.0) -> float:

@@ -46,6 +46,11 @@ def test_a_style_by_name_says_which_methods_know_names(tmp_path, capsys):
     out = str(tmp_path / "no.bvh")
     assert main(["stylize", "data/actor/walk_neutral.bvh", "--style", "old", "-o", out]) == 2
     assert "--method few-shot" in capsys.readouterr().err
+    assert main(["stylize", "data/actor/walk_neutral.bvh", "--style", "old", "--method", "few-shto", "-o", out]) == 2
+    assert "did you mean 'few-shot'" in capsys.readouterr().err
+    nowhere = str(tmp_path / "nowhere" / "old.safetensors")
+    assert main(["learn", "data/actor/walk_old.bvh", "-o", nowhere]) == 2
+    assert "there is no folder" in capsys.readouterr().err
 
 
 def test_learn_writes_a_style_that_stylize_takes(tmp_path, capsys):

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
+import difflib
 from collections.abc import Mapping
 
 from .. import text
 from ..actor import SEEN, UNSEEN, style_named
-from ..errors import MotionKitError
+from ..errors import MotionKitError, motion_inside
 from ..motion import Motion
-from ..restyling import key_of
+from ..restyling import check_share, key_of
+from .learning import Recipe
 from .space import Point, StyleSpace
 from .styles import LearnedStyle
 
@@ -24,6 +25,8 @@ def as_styles(method, style: object) -> dict[LearnedStyle, float]:
     see `named_style`; a mapping from these to weights; a Motion, which is learned first. Raises MotionKitError for what
     is none of these, and for styles of another prior.
     """
+    if isinstance(style, list | tuple | set):
+        raise MotionKitError("few-shot: several styles are mixed with weights, {old: 0.5, proud: 0.5}; found a list")
     if style is None:
         style = method.last
     elif isinstance(style, Motion):
@@ -33,6 +36,8 @@ def as_styles(method, style: object) -> dict[LearnedStyle, float]:
         style = named_style(method.space, style)
     if style is None:
         raise MotionKitError("few-shot: no style was learned yet; first method.learn(clip, 'an old person walks')")
+    if not isinstance(style, LearnedStyle | Mapping):
+        raise MotionKitError(f"few-shot takes learned styles, a clip, or the name of a style; found {style!r:.80}")
     mix = style if isinstance(style, Mapping) else {style: 1.0}
     styles = {named_style(method.space, one) if isinstance(one, str) else one: share for one, share in mix.items()}
     if not styles or not all(isinstance(one, LearnedStyle) for one in styles):
@@ -40,16 +45,28 @@ def as_styles(method, style: object) -> dict[LearnedStyle, float]:
     if any(one.prior.key != method.taught.key for one in styles):
         raise MotionKitError("few-shot: this style was learned with another prior; learn it with this one")
     for one, weight in styles.items():
-        if isinstance(weight, bool) or not isinstance(weight, int | float) or not math.isfinite(weight):
-            raise MotionKitError(f"few-shot: the weight of style {one.style!r} is a finite number; found {weight!r}")
+        check_share(f"few-shot: the weight of style {one.style!r}", weight)
     return styles
 
 
-def check_learning(method, prompt: object, running: Mapping) -> None:
+def check_made(recipe: object, space: object, seed: object) -> None:
+    """Raises MotionKitError where the few-shot method was made with what is no recipe, space or seed."""
+    if recipe is not None and not isinstance(recipe, Recipe):
+        raise MotionKitError(f"few-shot: a recipe is mk.fewshot.Recipe.laptop(), for instance; found {recipe!r:.80}")
+    if space is not None and not isinstance(space, StyleSpace):
+        raise MotionKitError(f"few-shot: space is a StyleSpace, or left out for the prior's own; found {space!r:.80}")
+    if not isinstance(seed, int):
+        raise MotionKitError(f"few-shot: a seed is a whole number; found {seed!r}")
+
+
+def check_learning(method, clip: object, prompt: object, running: Mapping) -> None:
     """Raises MotionKitError where `learn` of the few-shot method was given what it does not take.
 
     prompt: a sentence; None only where the style is looked for in a space. running: of `_RUNNING`.
     """
+    if not isinstance(clip, Motion):
+        hint = motion_inside(clip) or "; read a file with mk.load"
+        raise MotionKitError(f"few-shot learns a style from a Motion; found {clip!r:.80}{hint}")
     if not isinstance(prompt, str) and (prompt is not None or method.recipe.model != "space"):
         raise MotionKitError(
             "few-shot learns a style from a clip and a sentence: method.learn(clip, 'an old person walks'); found "
@@ -70,12 +87,17 @@ def named_style(space: StyleSpace | None, words: str) -> LearnedStyle:
     >>> named_style(load("actor"), "an old person walks")
     LearnedStyle('old', 37 numbers beside ...)
     """
-    known = (*SEEN, *UNSEEN)
-    label = words if words in known else text.style_in(words) if " " in words else words
+    known, label = (*SEEN, *UNSEEN), words.lower()
+    label = label if label in known else text.style_in(words) if " " in words else label
+    if words.endswith((".safetensors", ".bvh")):
+        how = "method.load_style" if words.endswith("s") else "mk.load"
+        raise MotionKitError(f"few-shot: {words!r} is a file; read it first: {how}({words!r})")
     if space is None or label not in known:
-        there = f"; by name there are {', '.join(known)}" if space is not None else ""
+        near = difflib.get_close_matches(label, known, 1, 0.5) if space is not None else []
+        hint = f" Did you mean {near[0]!r}?" if near else ""
+        there = f": {', '.join(known)}" if space is not None else ", since this prior has no space of styles"
         raise MotionKitError(
-            f"few-shot: {words!r} is no style that was learned here{there}; learn it from a clip: method.learn(clip, "
-            "'an old person walks'), or on the command line, motionkit learn"
+            f"few-shot: {words!r} is no style that it knows by name{there}.{hint} "
+            "Any other is learned from a clip, style = method.learn(clip, 'an old person walks'), and given as it comes"
         )
     return LearnedStyle(space.prior, Point(space, style_named(label)), space.chain, words, label)

@@ -28,7 +28,7 @@ from ..fewshot import (
     teach,
     with_autoencoder,
 )
-from ..fewshot.asked import NAMELESS, as_styles, check_learning
+from ..fewshot.asked import NAMELESS, as_styles, check_learning, check_made
 from ..fewshot.space import found_for
 from ..motion import Motion
 from ..pairs import NEUTRAL, NeutralPairs
@@ -42,7 +42,10 @@ from ..restyling import (
     named,
     on_body,
     on_the_ground,
+    pace,
     placed,
+    scale_path,
+    within,
 )
 
 _LEAST = 1.0  # seconds of a style clip
@@ -82,6 +85,7 @@ class FewShot:
         seed: int = 0,
         space: StyleSpace | None = None,
     ) -> None:
+        check_made(recipe, space, seed)
         self.prior = priors.load(prior) if isinstance(prior, str) else prior
         if discriminator is None and not isinstance(prior, str):
             raise MotionKitError("few-shot: with a prior of your own, give its discriminator too")
@@ -151,9 +155,10 @@ class FewShot:
         run, `show`, `title`. Raises MotionKitError for a clip that is too short or cannot be retargeted to the prior's
         body, a prompt without words of a style, and words that are none of these.
         """
+        check_learning(self, style, prompt, running)
         check_clips(self.name, style, style)
-        check_learning(self, prompt, running)
-        if prompt is None:
+        nameless = prompt is None
+        if nameless:
             prompt = self.prompt_for(style)
         if style.duration < _LEAST - 1e-6:
             raise MotionKitError(
@@ -164,7 +169,8 @@ class FewShot:
         adapter, run = teach(lesson, self.recipe, self.seed, **running)
         card = {"steps": self.recipe.steps, "seconds": round(run.seconds, 1), "seed": self.seed}
         card |= {"data": self.prior.card.get("data", ""), "licence": self.prior.card.get("licence", "")}
-        self.last = LearnedStyle(self.taught, adapter, self.chain, prompt, lesson.style, card, lesson.neutral)
+        words = style.name or NAMELESS if nameless else lesson.style
+        self.last = LearnedStyle(self.taught, adapter, self.chain, prompt, words, card, lesson.neutral)
         return self.last
 
     def lesson(self, style: Motion, prompt: str, content: str | None = None) -> Lesson:
@@ -230,11 +236,25 @@ class FewShot:
         x = self.prior.encode(seen)
         if content_style is not None and content_style not in NEUTRAL:
             x = self._neutral(seen, caption)
-        y, same = self.translated(x, caption, {one: strength * weight for one, weight in styles.items()})
-        body = in_step(self._decoded(y, x, seen, given), self._decoded(same, x, seen, given))
+        body = self._restyled(x, caption, {one: strength * weight for one, weight in styles.items()}, seen, given)
         if lock:
             body = on_the_ground(body, given)
         return content.with_body(body).replace(name=named(content, what))
+
+    def _restyled(
+        self, x: Tensor, caption: str, styles: Mapping[LearnedStyle, float], seen: Motion, given: Motion
+    ) -> Motion:
+        """Neutral features on the content's body in styles, at a speed that goes with them.
+
+        Poses beyond all of a style say little of its speed: there the style's own factor counts so many times.
+        """
+        y, same = self.translated(x, caption, styles)
+        body, plain = (self._decoded(features, x, seen, given) for features in (y, same))
+        total = sum(styles.values())
+        if total <= 1:
+            return in_step(body, plain)
+        once, _ = self.translated(x, caption, {one: weight / total for one, weight in styles.items()})
+        return scale_path(body, within(pace(self._decoded(once, x, seen, given), plain) ** total))
 
     @torch.no_grad()
     def translated(self, x: Tensor, caption: str, styles: Mapping[LearnedStyle, float]) -> tuple[Tensor, Tensor]:

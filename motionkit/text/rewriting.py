@@ -72,12 +72,13 @@ def style_in(prompt: str) -> str:
     >>> style_in("a person walks")
     Traceback (most recent call last):
     ...
-    motionkit.errors.MotionKitError: 'a person walks' says nothing of a style; ... such as 'a person walks in old age'
+    motionkit.errors.MotionKitError: 'a person walks' says nothing of a style; ... 'a person walks in old age'...
     """
     plain = to_neutral(prompt)
     if plain == prompt or _PLAIN.search(prompt):
         raise MotionKitError(
-            f"{prompt!r} says nothing of a style; say how it is done, such as {to_style(plain, 'old')!r}"
+            f"{prompt!r} says nothing of a style; say how it is done, such as 'a person walks in old age'; or, "
+            "in words of your own, 'a person walks in a funky style'"
         )
     described = _DESCRIBED.match(prompt)
     if described:
