@@ -6,6 +6,7 @@ from erd_small import CONTENTS, small_model
 
 import motionkit as mk
 from motionkit.actor import perform, retell
+from motionkit.arena.truths import error_against
 from motionkit.erd.new_style import NewBranch, learn_style
 from motionkit.erd.stream import ErdStream
 from motionkit.methods.style_erd import StyleErdMethod
@@ -56,6 +57,28 @@ def test_mixes_strengths_and_names(method, walk):
         method.stylize(walk, "prud", **SAID)
     with pytest.raises(mk.MotionKitError, match="guesses no labels; give content_label and content_style"):
         method.stylize(walk, "old")
+
+
+def test_a_mix_goes_as_fast_as_its_parts_together():
+    method, clips = mk.methods.load("style-erd"), [mk.load(f"data/actor/{n}_neutral.bvh") for n in ("idle", "walk")]
+    for clip in clips:
+        made = [method.stylize(clip, "old", s).root_path() for s in (0.0, 0.25, 0.5, 1.0, 1.5)]
+        ways = [float((path[1:] - path[:-1]).norm(dim=-1).sum()) for path in made]
+        if clip is clips[0]:
+            assert max(ways) < 0.1  # who stands, stands
+        else:
+            assert ways == sorted(ways, reverse=True) and ways[-1] < 0.5 * ways[0]
+
+
+def test_every_part_of_a_clip_is_restyled_by_what_it_does():
+    method, played = mk.methods.load("style-erd"), perform("walk, jump, kick", "neutral", seed=3, seconds=11)
+    labels, style = method._labelled(method.seen(played.motion), None, None)
+    assert {"walk", "jump", "kick"} <= set(labels) and style == "neutral"
+    answer = retell(played, "old").along(played)
+    errors = [
+        error_against(method.stylize(played.motion, "old", content_label=label), answer) for label in (None, "jump")
+    ]
+    assert errors[0] < 0.8 * errors[1]
 
 
 def test_labels_are_guessed_and_a_clip_may_lend_its_style(walk):

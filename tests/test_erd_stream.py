@@ -126,16 +126,27 @@ def test_other_frames_midway_are_refused_and_the_stream_goes_on(model, walk, cha
 
 def test_unknown_names_and_numbers_change_nothing(model, walk):
     stream = ErdStream(model, "old", **PLAIN)
-    for wrong, message in (("odl", "did you mean 'old'"), ({"old": float("nan")}, "finite number")):
+    for wrong, message in (("odl", "did you mean 'old'"), ({"old": float("nan")}, "must be a number")):
         with pytest.raises(mk.MotionKitError, match=message):
             stream.style = wrong
     for wrong in (5, None, walk):
         with pytest.raises(mk.MotionKitError, match="takes a style by a name, or a mix"):
             stream.style = wrong
-    with pytest.raises(mk.MotionKitError, match="finite number; found 'a'"):
+    with pytest.raises(mk.MotionKitError, match="must be a number .* found 'a'"):
         ErdStream(model, "old", "a", **PLAIN)
-    with pytest.raises(mk.MotionKitError, match="finite number; found 'x'"):
+    with pytest.raises(mk.MotionKitError, match="must be a number .* found 'x'"):
         stream.strength = "x"
+    for wrong in (["old", "proud"], ["old"] * 3):
+        with pytest.raises(mk.MotionKitError, match="one for each of 1 streams; .*a mix of styles is"):
+            stream.style = wrong
+    for wrong in ({"count": 0}, {"count": "two"}, {"fade": -1}, {"fade": "x"}):
+        with pytest.raises(mk.MotionKitError, match="streams run side by side|seconds a style takes"):
+            ErdStream(model, "old", **{**PLAIN, **wrong})
+    for wrong in (None, 3):
+        with pytest.raises(mk.MotionKitError, match="one frame at a time"):
+            stream(wrong)
+    with pytest.raises(mk.MotionKitError, match="from -5 to 5, 1 for all of the style; found 50"):
+        stream.style = {"old": 50, "proud": 50}
     with pytest.raises(mk.MotionKitError, match="knows no content 'swim'"):
         stream.content = "swim"
     with pytest.raises(mk.MotionKitError, match="2 frames at a time; found 1|takes 2"):

@@ -72,13 +72,30 @@ class FastErd:
             h, cell = _cell(weights, h, before, cell)
             kept.append((h, cell))
         heard = h[1:] if heard is None else heard
-        y = h[0] + np.einsum("bs,sbh->bh", wanted[:, 1:], heard)
-        y = np.concatenate((y, wanted), 1)
+        y = self._decoded(h[0] + np.einsum("bs,sbh->bh", wanted[:, 1:], heard), wanted)
+        mixed = ((wanted != 0) & (wanted != 1)).any(1)
+        if mixed.any():
+            place = 4 * (y.shape[1] // 7)
+            y[mixed, place : place + 3] = self._ways(h[0][mixed], heard[:, mixed], wanted[mixed])
+        return y, kept
+
+    def _ways(self, plain: np.ndarray, heard: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """The root's velocities [B, 3] of mixes: what each style says alone, mixed; see `StyleErd.say`."""
+        used = np.nonzero(wanted.any(0))[0]
+        added = np.concatenate((np.zeros_like(plain)[None], heard))[used]
+        alone = np.eye(self.styles, dtype=np.float32)[used][:, None].repeat(len(plain), 1)
+        said = self._decoded(plain + added, alone)
+        place = 4 * (said.shape[-1] // 7)
+        return np.einsum("bk,kbv->bv", wanted[:, used], said[..., place : place + 3])
+
+    def _decoded(self, y: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """The decoder's answer [..., 7J] to mixed branches [..., H], told the shares [..., S]."""
+        y = np.concatenate((y, wanted), -1)
         for n, (weight, bias) in enumerate(self.decoder):
             y = y @ weight + bias
             if n < len(self.decoder) - 1:
                 y = np.maximum(y, 0)
-        return y, kept
+        return y
 
 
 def _cell(weights: np.ndarray, x: np.ndarray, h: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -16,6 +15,7 @@ from .. import checkpoints
 from ..errors import MotionKitError
 from ..layers import ErdConfig, StyleErd
 from ..pairs import NEUTRAL
+from ..restyling import check_share
 from ..skeleton import Skeleton
 from .fast import FastErd
 from .labels import Labeller
@@ -60,7 +60,7 @@ class ErdModel:
         if label not in known:
             near = difflib.get_close_matches(str(label), known, 1, 0.4)
             hint = f"did you mean {near[0]!r}? " if near else ""
-            raise MotionKitError(f"style-erd knows no {what} {label!r}; {hint}It knows {', '.join(known)}")
+            raise MotionKitError(f"style-erd knows no {what} {label!r}; {hint}it knows {', '.join(known)}")
         return known.index(label)
 
     def wanted(self, style: str | Mapping[str, float], strength: float = 1.0) -> np.ndarray:
@@ -73,11 +73,9 @@ class ErdModel:
             hint = "a name, or a mix such as {'old': 0.5, 'proud': 0.5}"
             raise MotionKitError(f"style-erd takes a style by {hint}; found {style!r:.80}")
         mix, found = {style: 1.0} if isinstance(style, str) else dict(style), np.zeros(len(self.styles), np.float32)
-        if isinstance(strength, bool) or not isinstance(strength, int | float) or not math.isfinite(strength):
-            raise MotionKitError(f"strength must be a finite number; found {strength!r}")
+        check_share("style-erd: strength", strength)
         for name, share in mix.items():
-            if not isinstance(share, int | float) or not math.isfinite(share * strength):
-                raise MotionKitError(f"the share of style {name!r} must be a finite number; found {share!r}")
+            check_share(f"style-erd: the share of style {name!r}", share)
             found[self.number("style", name)] += share * strength
         found[0] = 1 - found[1:].sum()
         return found

@@ -41,6 +41,10 @@ class ErdStream:
         count: int = 1,
         fade: float = 0.5,
     ) -> None:
+        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+            raise MotionKitError(f"count says how many streams run side by side, from 1; found {count!r}")
+        if isinstance(fade, bool) or not isinstance(fade, int | float) or not 0 <= fade < float("inf"):
+            raise MotionKitError(f"fade is how many seconds a style takes to come, from 0; found {fade!r}")
         self.model, self.count, self.fade, self._strength, self._style = model, count, fade, 1.0, None
         self._state, self._before, self._path, self._stages = None, None, None, None
         self._guesses = Guesses(model.labeller) if model.labeller is not None else None
@@ -70,9 +74,9 @@ class ErdStream:
         before, self._strength = self._strength, strength
         try:
             self.style = self._style
-        except (MotionKitError, TypeError) as error:
+        except MotionKitError:
             self._strength = before
-            raise MotionKitError(f"strength must be a finite number; found {strength!r}") from error
+            raise
 
     @property
     def content(self) -> object:
@@ -108,7 +112,7 @@ class ErdStream:
 
         Raises MotionKitError where skeleton, joints or frame rate are not the model's, or change midway.
         """
-        several = [frames] if isinstance(frames, Motion) else list(frames)
+        several = list(frames) if isinstance(frames, list | tuple) else [frames]
         bodies = [self._checked(one) for one in several]
         if len(several) != self.count:
             raise MotionKitError(f"this stream takes {self.count} frames at a time; found {len(several)}")
@@ -207,7 +211,12 @@ class ErdStream:
         return turns, translations
 
     def _each(self, value: object) -> list:
-        return list(value) if isinstance(value, list | tuple | np.ndarray) else [value] * self.count
+        """One for each stream."""
+        found = list(value) if isinstance(value, list | tuple | np.ndarray) else [value] * self.count
+        if len(found) != self.count:
+            mix = "; a mix of styles is such as {'old': 0.5, 'proud': 0.5}" if self.count == 1 else ""
+            raise MotionKitError(f"expected one for each of {self.count} streams; found {value!r:.60}{mix}")
+        return found
 
     def _checked(self, frame: Motion) -> Motion:
         if not isinstance(frame, Motion) or len(frame) != 1:

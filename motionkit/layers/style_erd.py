@@ -172,8 +172,21 @@ class StyleErd(nn.Module):
         return torch.cat((base, extra), 2), ErdState(neutral, styles)
 
     def say(self, heard: Tensor, wanted: Tensor) -> Tensor:
-        """The decoder's answer in the styles wanted, [B, F, 7J]; heard: of `listen`."""
+        """The decoder's answer in the styles wanted, [B, F, 7J]; heard: of `listen`.
+
+        Where several are mixed, the root's velocity is mixed from what each says alone: unlike poses, what the decoder
+        makes of it between two styles may be faster or slower than both (beyond paper 2, section 4.4).
+        """
         wanted = wanted if wanted.ndim == 3 else wanted[:, None].expand(-1, heard.shape[1], -1)
+        said = self._decoded(heard, wanted)
+        if bool(((wanted == 0) | (wanted == 1)).all()):
+            return said
+        alone = [self._decoded(heard, one.expand_as(wanted)) for one in torch.eye(self.styles).to(wanted)]
+        start = 4 * self.joints
+        root = sum(wanted[..., s, None] * one[..., start : start + 3] for s, one in enumerate(alone))
+        return torch.cat((said[..., :start], root, said[..., start + 3 :]), 2)
+
+    def _decoded(self, heard: Tensor, wanted: Tensor) -> Tensor:
         mixed = heard[:, :, 0] + torch.einsum("bfs,bfsh->bfh", wanted[..., 1:], heard[:, :, 1:])
         return self.decoder(torch.cat((mixed, wanted), 2))
 

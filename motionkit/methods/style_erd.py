@@ -19,6 +19,8 @@ from ..errors import MotionKitError
 from ..motion import Motion
 from ..restyling import body_of, check_clips, named, on_body, on_the_ground
 
+_LATE = 0.5  # seconds that a guessed content comes late
+
 
 @lru_cache(maxsize=4)
 def shipped(data: str) -> ErdModel:
@@ -78,15 +80,16 @@ class StyleErdMethod:
         content: F frames of a human body, at any rate. style: a name, a mix of several (paper 2, section 4.4), or a
         clip, whose style is then recognised. strength: 0 is neutral, 1 the style, more exaggerates. lock: hold standing
         feet still, which looks ahead; a live stream does not. content_label, content_style: of what comes in; left out,
-        they are what most of the clip looks like. Returns F frames at the content's rate, on its skeleton. Raises
-        MotionKitError for styles that the model does not know, and bodies that cannot be brought to its own.
+        the style is what most of the clip looks like, the content what each part of it does. Returns F frames at the
+        content's rate, on its skeleton. Raises MotionKitError for styles that the model does not know, and bodies that
+        cannot be brought to its own.
         """
         check_clips(self.name, content, content, strength)
         given, seen, what = body_of(content), self.seen(content), style
         if isinstance(style, Motion):
             style = self.recognised(style)[1]
-        label, own = self._labelled(seen, content_label, content_style)
-        body = self._back(self._run(seen, style, strength, label, own), given)
+        labels, own = self._labelled(seen, content_label, content_style)
+        body = self._back(self._run(seen, style, strength, labels, own), given)
         if lock:
             body = on_the_ground(body, given)
         return content.with_body(body).replace(name=named(content, _words(what)))
@@ -110,28 +113,42 @@ class StyleErdMethod:
 
         Raises MotionKitError where the model guesses no labels.
         """
+        contents, styles = self._guessed(self.seen(motion))
+        return max(contents, key=contents.count), max(styles, key=styles.count)
+
+    def _guessed(self, seen: Motion) -> tuple[list[str], list[str]]:
+        """What every frame looks like, after those before it."""
         if self.model.labeller is None:
             raise MotionKitError("style-erd: this model guesses no labels; give content_label and content_style")
-        guesses, votes = Guesses(self.model.labeller), [np.zeros(len(k)) for k in (self.model.contents, self.styles)]
-        for frame in frames_of(self.seen(motion)).x.numpy():
+        guesses, found = Guesses(self.model.labeller), ([], [])
+        for frame in frames_of(seen).x.numpy():
             guesses.hear(frame[None])
-            votes[0][guesses.content] += 1
-            votes[1][guesses.style] += 1
-        return self.model.contents[votes[0].argmax()], self.styles[votes[1].argmax()]
+            found[0].append(self.model.contents[guesses.content[0]])
+            found[1].append(self.styles[guesses.style[0]])
+        return found
 
-    def _run(self, seen: Motion, style: object, strength: float, label: str, own: str) -> Motion:
-        """A motion of the model's skeleton and rate through a stream of its own."""
-        stream = ErdStream(self.model, style, strength, content=label, own_style=own)
-        made = [stream.push(r[None], t[None]) for r, t in zip(seen.rotations.numpy(), seen.translations.numpy())]
+    def _run(self, seen: Motion, style: object, strength: float, contents: list[str], own: str) -> Motion:
+        """A motion of the model's skeleton and rate through a stream of its own; contents: of every frame."""
+        stream, made = ErdStream(self.model, style, strength, content=contents[0], own_style=own), []
+        for turns, places, content in zip(seen.rotations.numpy(), seen.translations.numpy(), contents):
+            if content != stream.content:
+                stream.content = content
+            made.append(stream.push(turns[None], places[None]))
         rotations, roots = (torch.from_numpy(np.concatenate(part)) for part in zip(*made))
         return seen.replace(rotations=rotations, translations=_rooted(seen.translations, roots))
 
-    def _labelled(self, seen: Motion, content: str | None, style: str | None) -> tuple[str, str]:
-        """Labels as given, the others recognised."""
+    def _labelled(self, seen: Motion, content: str | None, style: str | None) -> tuple[list[str], str]:
+        """The content of every frame and the style of the clip: as given, the others recognised.
+
+        A guess comes late, since it rests on what was; but here the whole clip is known, and it is taken earlier.
+        """
         if content is not None and style is not None:
-            return content, style
-        found = self.recognised(seen)
-        return found[0] if content is None else content, found[1] if style is None else style
+            return [content] * len(seen), style
+        contents, styles = self._guessed(seen)
+        late = round(_LATE * seen.fps)
+        contents = [*contents[late:], *[contents[-1]] * min(late, len(contents))]
+        given = [content] * len(seen) if content is not None else contents
+        return given, max(styles, key=styles.count) if style is None else style
 
     def _back(self, body: Motion, given: Motion) -> Motion:
         """What the model made, on the content's body and in its frames."""
