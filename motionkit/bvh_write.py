@@ -65,7 +65,13 @@ def format_bvh(motion: Motion) -> str:
     """
     channels = _writable_channels(motion)
     header = format_header(motion.skeleton, channels, motion.metres_per_unit)
-    rows = _values(motion, channels).tolist()
+    values = _values(motion, channels)
+    broken = (~values.isfinite()).any(1).nonzero()
+    if len(broken):
+        raise MotionKitError(
+            f"motion {motion.name!r}: frame {int(broken[0])} holds numbers that are not finite, which no file can hold"
+        )
+    rows = values.tolist()
     line = " ".join([f"%.{_decimals(motion)}f"] * sum(map(len, channels)))
     body = "".join(line % tuple(row) + "\n" for row in rows)
     return f"{header}\nMOTION\nFrames: {len(motion)}\nFrame Time: {_frame_time(motion.fps)}\n{body}"

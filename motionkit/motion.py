@@ -255,6 +255,9 @@ def concatenate(motions: Sequence[Motion]) -> Motion:
     """
     if not motions:
         raise MotionKitError("nothing to concatenate: give at least one motion")
+    odd = next((m for m in motions if not isinstance(m, Motion)), None)
+    if odd is not None:
+        raise MotionKitError(f"concatenate takes a list of Motions; found {odd!r:.60} in it")
     first = motions[0]
     for m in motions[1:]:
         if not m.skeleton.same_tree(first.skeleton):

@@ -205,6 +205,16 @@ def test_written_files_have_usual_permissions(tmp_path):
     assert stat.S_IMODE(path.stat().st_mode) == stat.S_IMODE((tmp_path / "b").stat().st_mode)
 
 
+def test_numbers_that_are_not_finite_are_not_written(tmp_path):
+    walk = mk.load("data/actor/walk_neutral.bvh")
+    walk.translations[7, 0, 0] = float("nan")
+    with pytest.raises(mk.MotionKitError, match="frame 7 holds numbers that are not finite"):
+        mk.save(walk, tmp_path / "walk.bvh")
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(mk.MotionKitError, match="concatenate takes a list of Motions; found 'a'"):
+        mk.concatenate(["a"])
+
+
 def test_a_file_is_named_as_what_it_is(tmp_path):
     walk = mk.load("data/actor/walk_neutral.bvh")
     with pytest.raises(mk.MotionKitError, match="let its name end in .bvh"):
