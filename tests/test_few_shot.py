@@ -227,12 +227,20 @@ def test_blending_is_a_weighted_sum_and_the_rest_is_the_prior(styles, prior):
         ({"steps": 0}, "steps is a whole number from 1"),
         ({"rank": -1}, "rank is a whole number from 0"),
         ({"weights": (1.0, -0.1)}, "two weights"),
-        ({"rate": 0.0}, "a rate above 0"),
+        ({"weights": 1.0}, "two weights"),
+        ({"rate": 0.0}, "rate is above 0"),
+        ({"rate": "fast"}, "rate is above 0"),
     ],
 )
 def test_recipes_that_cannot_be(wrong, message):
     with pytest.raises(mk.MotionKitError, match=message):
         Recipe(**wrong)
+
+
+def test_a_recipe_is_changed_by_what_it_has():
+    assert Recipe().changed(steps=3) == Recipe(steps=3)
+    with pytest.raises(mk.MotionKitError, match="a recipe has no 'chnge'; it has noise, change"):
+        Recipe().changed(chnge=3)
 
 
 def test_the_papers_recipe():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import torch
@@ -63,8 +63,23 @@ class Recipe:
             value = getattr(self, name)
             if not isinstance(value, int) or isinstance(value, bool) or value < least:
                 raise MotionKitError(f"a recipe's {name} is a whole number from {least}; found {value!r}")
-        if len(self.weights) != 2 or not all(weight >= 0 for weight in self.weights) or not self.rate > 0:
-            raise MotionKitError(f"a recipe has two weights from 0 up and a rate above 0; found {self}")
+        pair = self.weights if isinstance(self.weights, tuple | list) else ()
+        if len(pair) != 2 or not all(isinstance(one, int | float) and one >= 0 for one in pair):
+            raise MotionKitError(f"a recipe has two weights from 0 up, such as (1.0, 0.1); found {self.weights!r}")
+        if not isinstance(self.rate, int | float) or not self.rate > 0:
+            raise MotionKitError(f"a recipe's rate is above 0; found {self.rate!r}")
+
+    def changed(self, **changes) -> Recipe:
+        """The same but for these; MotionKitError for what no recipe has.
+
+        >>> Recipe().changed(change=200).change
+        200
+        """
+        known = [one.name for one in fields(self)]
+        for name in changes:
+            if name not in known:
+                raise MotionKitError(f"a recipe has no {name!r}; it has {', '.join(known)}")
+        return replace(self, **changes)
 
     @classmethod
     def paper(cls, contents: int = 23384) -> Recipe:

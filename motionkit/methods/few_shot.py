@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cached_property
 
 import torch
@@ -125,7 +124,7 @@ class FewShot:
 
     def having(self, **changes) -> FewShot:
         """The same method with another recipe, such as `having(change=200)`: prior, library and seed stay."""
-        recipe = replace(self.recipe, **changes)
+        recipe = self.recipe.changed(**changes)
         other = FewShot(self.prior, self.discriminator, self._library, recipe, self.seed, self.space)
         other.__dict__.update({"pairs": self.pairs})
         return other
