@@ -126,6 +126,14 @@ def test_another_skeleton_is_retargeted(method, plain, captures_dir):
     assert learned.neutral.shape[1] == method.prior.layout.size
 
 
+def test_a_library_on_another_skeleton_serves_the_semantic_loss(captures_dir):
+    path = captures_dir / "dataset-2_walk_normal_001.bvh"
+    item = Item("walk", Labels("walk", "normal", ("a person is walking",)), BvhSource.at(path))
+    method = mk.methods.load("few-shot", library=of_items("captured", [item]), recipe=QUICK)
+    learned = method.learn(mk.load("data/actor/walk_old.bvh"), "an old person walks", title="")
+    assert learned.style == "old" and method._neutral_contents().clean.shape[2] == method.prior.layout.size
+
+
 def test_the_caption_is_found(method):
     kick = perform("kick", "neutral", seed=1, seconds=4.0).motion
     assert "kick" in method.caption_of(kick)

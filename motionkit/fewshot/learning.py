@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 
 from .. import text
-from ..datasets import Clip
 from ..errors import MotionKitError
 from ..layers import semantic_loss
+from ..motion import Motion
 from ..priors import Discriminator, Prior
 from ..training import Run, Schedule, fit
 from .adapters import Adapter
@@ -117,19 +117,30 @@ class Contents:
     captions: tuple[str, ...]
 
     @classmethod
-    def of(cls, prior: Prior, clips: Sequence[Clip], chain: Chain, frames: int = 120, seed: int = 0) -> Contents:
-        """A window of each clip; MotionKitError where no clip is as long, or one has no caption."""
-        long = [clip for clip in clips if len(clip) >= frames]
+    def of(
+        cls,
+        prior: Prior,
+        motions: Sequence[Motion],
+        captions: Sequence[str],
+        chain: Chain,
+        frames: int = 120,
+        seed: int = 0,
+    ) -> Contents:
+        """A window of each motion, on the prior's skeleton; captions: a sentence for each.
+
+        Raises MotionKitError where no motion is as long, or one has no caption.
+        """
+        long = [pair for pair in zip(motions, captions, strict=True) if len(pair[0]) >= frames]
         if not long:
             raise MotionKitError(f"no neutral clip has {frames} frames; give longer ones, or fewer frames")
-        mute = next((clip.name for clip in long if not clip.text), None)
+        mute = next((motion.name for motion, caption in long if not caption), None)
         if mute is not None:
             raise MotionKitError(f"clip {mute!r} has no caption, which the semantic loss needs; give it texts")
         chance, windows = torch.Generator().manual_seed(seed), []
-        for clip in long:
-            start = int(torch.randint(len(clip) - frames + 1, (), generator=chance))
-            windows.append(prior.encode(clip.motion[start : start + frames]))
-        clean, captions = torch.stack(windows), tuple(text.to_neutral(clip.text) for clip in long)
+        for motion, _ in long:
+            start = int(torch.randint(len(motion) - frames + 1, (), generator=chance))
+            windows.append(prior.encode(motion[start : start + frames]))
+        clean, captions = torch.stack(windows), tuple(text.to_neutral(caption) for _, caption in long)
         with torch.no_grad():
             noised = [
                 chain.forward(prior.predict(captions[n : n + 32], 1.0), clean[n : n + 32])

@@ -323,8 +323,10 @@ class FewShot:
             library = self.pairs.library
             clips = [clip for clip in library if clip.style in NEUTRAL]
             order = torch.randperm(len(clips), generator=torch.Generator().manual_seed(self.seed)).tolist()
-            frames = min(self.recipe.frames, self.prior.longest, max(map(len, clips)))
-            return Contents.of(self.taught, [clips[n] for n in order[:_MOST]], self.chain, frames, self.seed)
+            chosen = [clips[n] for n in order[:_MOST]]
+            motions = [self.seen(clip.motion) for clip in chosen]
+            frames = min(self.recipe.frames, self.prior.longest, max(map(len, motions)))
+            return Contents.of(self.taught, motions, [clip.text for clip in chosen], self.chain, frames, self.seed)
 
         return self._contents.get("contents", work_out)
 
