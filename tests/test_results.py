@@ -45,6 +45,7 @@ TARGETS = {
         "single_frame_depressed_tired": 60,
     },
     "few-shot": {"bandai_cra": 93.41, "bandai_sra": 60.11, "sra_without_semantic_ratio": 0.5},
+    "few-shot-why": {"ae_cra_ratio": 0.5, "ae_sra_ratio": 0.5, "sra_ratio": 0.5},
     "few-shot-held-back": {
         "learn_in_space_seconds": 180,
         "learn_seconds": 180,
@@ -143,6 +144,8 @@ def test_the_few_shot_tables_have_all_rows_of_the_paper():
     assert [row["method"] for row in tables["table_2"]] == ["few-shot", "KNN + DTW"]
     assert [row["g"] for row in tables["figure_8_g"]] == [700, 800, 900, 950, 1000]
     assert len(tables["figure_8_k"]) == 5
+    why = [row["method"] for row in result("few-shot-why")["tables"]["table_3"]]
+    assert why == ["ours", "without L_s", "with AE", "real"]
     held = {row["method"]: row for row in result("few-shot-held-back")["tables"]["held_back"]}
     assert set(held) == {"few-shot", "few-shot, adapter", "told the numbers", *mk.methods.BASELINES, "real"}
     assert held["told the numbers"]["truth_error"] < held["few-shot"]["truth_error"]  # the bound is one
