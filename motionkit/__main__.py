@@ -13,7 +13,7 @@ from pathlib import Path
 from . import datasets, methods
 from .bvh import load, save
 from .errors import MotionKitError
-from .files import MotionKitWarning
+from .files import MotionKitWarning, target
 
 _JUDGES, _PRIORS = ("content", "style", "autoencoder"), ("prior", "discriminator", "text")  # what `train` makes
 _SPACES, _ERD = ("space", "reader"), "erd"
@@ -227,12 +227,10 @@ def _learn(args: argparse.Namespace) -> None:
 
 def _fresh(output: str | Path, suffix: str, inputs: list[str]) -> Path:
     """The file to write; refuses one that is read here, and names that would tell other programs something wrong."""
-    path = Path(output)
-    if not path.parent.is_dir():
-        raise MotionKitError(f"{path}: there is no folder {path.parent}; make it first")
+    path = target(output)
     if any(path.resolve() == Path(f).resolve() for f in inputs):
         raise MotionKitError(f"{path}: this file is read here and would be lost; write to another one with -o")
-    if path.suffix.lower() != suffix and not path.is_dir():
+    if path.suffix.lower() != suffix:
         raise MotionKitError(f"{path}: what is written is a {suffix} file; name it so")
     return path
 

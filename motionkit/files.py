@@ -48,7 +48,7 @@ def open_atomic(path: str | os.PathLike) -> Iterator[BinaryIO]:
     ...     (Path(folder) / "a.bin").stat().st_size
     5
     """
-    path = _target(path)
+    path = target(path)
     temporary = None
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{path.name[:40]}.", dir=path.parent)
@@ -66,7 +66,7 @@ def open_atomic(path: str | os.PathLike) -> Iterator[BinaryIO]:
             os.unlink(temporary)
 
 
-def _target(path: str | os.PathLike) -> Path:
+def target(path: str | os.PathLike) -> Path:
     """A path that a file can be written to; MotionKitError says why not."""
     if not isinstance(path, str | os.PathLike) or not str(path):
         raise MotionKitError(f"expected the path of a file to write; found {path!r}")

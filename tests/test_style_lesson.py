@@ -69,7 +69,7 @@ def test_all_contents_are_played_side_by_side():
     assert lesson.player.motions == lesson.results
     assert [one.name for one in lesson.results] == ["walk_neutral as old", "jump_neutral as old"]
     assert lesson._method.asked[-1] == ("jump_neutral", "old", 1.0, "a person jumps")
-    assert len(lesson.still()) > 10_000
+    assert lesson.player._shown["labels"] == ["walks", "jumps"] and len(lesson.still()) > 10_000
     fresh = StyleLesson(Acted(), CONTENTS)
     fresh.controls["content"].value = "all of them"
     assert fresh.player.motions == [WALK, JUMP] and len(fresh.still()) > 10_000

@@ -30,6 +30,7 @@ class FastErd:
     def __init__(self, network: StyleErd) -> None:
         self.contents, self.styles, self.size = network.contents, network.styles, network.config.latent
         self.encoder, self.decoder = (_layers(part) for part in (network.encoder, network.decoder))
+        self._root = slice(4 * network.joints, 4 * network.joints + 3)  # of an answer, the root's velocity
         neutral, residual = _weights(network.neutral), _weights(network.residual)
         together = min(len(neutral), len(residual))
         self.layers = [np.concatenate(pair) for pair in zip(neutral, residual)] + neutral[together:]
@@ -75,8 +76,7 @@ class FastErd:
         y = self._decoded(h[0] + np.einsum("bs,sbh->bh", wanted[:, 1:], heard), wanted)
         mixed = ((wanted != 0) & (wanted != 1)).any(1)
         if mixed.any():
-            place = 4 * (y.shape[1] // 7)
-            y[mixed, place : place + 3] = self._ways(h[0][mixed], heard[:, mixed], wanted[mixed])
+            y[mixed, self._root] = self._ways(h[0][mixed], heard[:, mixed], wanted[mixed])
         return y, kept
 
     def _ways(self, plain: np.ndarray, heard: np.ndarray, wanted: np.ndarray) -> np.ndarray:
@@ -85,8 +85,7 @@ class FastErd:
         added = np.concatenate((np.zeros_like(plain)[None], heard))[used]
         alone = np.eye(self.styles, dtype=np.float32)[used][:, None].repeat(len(plain), 1)
         said = self._decoded(plain + added, alone)
-        place = 4 * (said.shape[-1] // 7)
-        return np.einsum("bk,kbv->bv", wanted[:, used], said[..., place : place + 3])
+        return np.einsum("bk,kbv->bv", wanted[:, used], said[..., self._root])
 
     def _decoded(self, y: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """The decoder's answer [..., 7J] to mixed branches [..., H], told the shares [..., S]."""

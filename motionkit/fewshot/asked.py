@@ -36,9 +36,7 @@ def as_styles(method, style: object) -> dict[LearnedStyle, float]:
         style = named_style(method.space, style)
     if style is None:
         raise MotionKitError("few-shot: no style was learned yet; first method.learn(clip, 'an old person walks')")
-    if not isinstance(style, LearnedStyle | Mapping):
-        raise MotionKitError(f"few-shot takes learned styles, a clip, or the name of a style; found {style!r:.80}")
-    mix = style if isinstance(style, Mapping) else {style: 1.0}
+    mix = style if isinstance(style, Mapping) else {style: 1.0} if isinstance(style, LearnedStyle) else {}
     styles = {named_style(method.space, one) if isinstance(one, str) else one: share for one, share in mix.items()}
     if not styles or not all(isinstance(one, LearnedStyle) for one in styles):
         raise MotionKitError(f"few-shot takes learned styles, a clip, or the name of a style; found {style!r:.80}")
@@ -90,7 +88,7 @@ def named_style(space: StyleSpace | None, words: str) -> LearnedStyle:
     known, label = (*SEEN, *UNSEEN), words.lower()
     label = label if label in known else text.style_in(words) if " " in words else label
     if words.endswith((".safetensors", ".bvh")):
-        how = "method.load_style" if words.endswith("s") else "mk.load"
+        how = "method.load_style" if words.endswith(".safetensors") else "mk.load"
         raise MotionKitError(f"few-shot: {words!r} is a file; read it first: {how}({words!r})")
     if space is None or label not in known:
         near = difflib.get_close_matches(label, known, 1, 0.5) if space is not None else []

@@ -24,8 +24,8 @@ class StyleLesson(Pictured, ipywidgets.HBox):
     """Controls on the left: a BVH file, a sentence that says what it does and how, *learn*; then what is to be played.
 
     On the right a player with a content and the same content in the style that was learned last, or with all contents
-    in that style, each on the spot. What is wrong with a
-    clip or a sentence is told under the controls, and what was learned before stays.
+    in that style, each on the spot. What is wrong with a clip or a sentence is told under the controls, and what was
+    learned before stays.
 
     method: of `methods.load("few-shot")`, or anything with its `learn` and `stylize`. contents: by their captions,
     neutral motions. style, prompt: a clip and its sentence to begin with; left out, nothing is learned yet. Raises
@@ -77,6 +77,10 @@ class StyleLesson(Pictured, ipywidgets.HBox):
         return list(self._contents) if caption == ALL else [caption]
 
     @property
+    def _names(self) -> list[str]:
+        return [caption.removeprefix("a person ") for caption in self.captions]
+
+    @property
     def chosen(self) -> list[Motion]:
         """The motions that are to be restyled."""
         return [self._contents[caption] for caption in self.captions]
@@ -112,7 +116,7 @@ class StyleLesson(Pictured, ipywidgets.HBox):
         several = len(plain) > 1
         layout = "treadmill" if several else "side"
         if style is None:
-            self.player.set_motions(plain, labels=captions, roles=["content"] * len(plain), layout=layout)
+            self.player.set_motions(plain, labels=self._names, roles=["content"] * len(plain), layout=layout)
             return
         strength = self.controls["strength"].value
         try:
@@ -123,7 +127,7 @@ class StyleLesson(Pictured, ipywidgets.HBox):
         self.results = made
         shown, names, roles = [*plain, *made], ["content", style.style], ["content", "result"]
         if several:
-            shown, names, roles = made, [one.name.split(" as ")[0] for one in made], ["result"] * len(made)
+            shown, names, roles = made, self._names, ["result"] * len(made)
         self.player.set_motions(shown, labels=names, roles=roles, layout=layout)
 
     def _tell(self, kind: str, text: str) -> None:
@@ -137,7 +141,7 @@ class StyleLesson(Pictured, ipywidgets.HBox):
         plain = [] if len(made) > 1 else plain
         rows, roles = [*plain, *made], ["content"] * len(plain) + ["result"] * len(made)
         picture, raw = Print(figsize=(8.6, 1.0 + 1.7 * len(rows)), dpi=100), io.BytesIO()
-        labels = ["content", self.learned.style] if len(made) == 1 else [one.name for one in rows]
+        labels = ["content", self.learned.style] if len(made) == 1 else self._names
         strip(rows, poses=9, labels=labels, roles=roles, ax=picture.add_axes((0, 0.12, 1, 0.85)))
         told = self.message if len(self.message) < 130 else f"{self.message[:127]}..."
         colour = INK if self._kind == "said" else _TINTS["error"]
