@@ -179,6 +179,20 @@ def test_resampling_the_shortest_motions():
     assert len(m[:0].resample(100)) == 0 and m[:0].resample(100).fps == 100
 
 
+def test_a_smooth_rate_goes_through_every_frame_and_has_no_corners():
+    m = spinning()
+    assert same(m.resample(60, smooth=True)[::2], m) and same(m.at(torch.arange(60), smooth=True), m)
+    assert same(m.at(torch.tensor([-5.0, 99.0]), smooth=True), concatenate([m[0], m[-1]]))
+    bend = torch.linspace(0, 3, 31, dtype=torch.float64)[:, None, None] ** 2 * torch.tensor([1.0, 0.0, 0.0])
+    arc = m[:31].replace(translations=bend.expand(-1, m.translations.shape[1], -1))
+    gap = (arc.resample(300, smooth=True).translations[:, 0, 0].sqrt() - torch.linspace(0, 3, 301).double()).abs()
+    assert gap.max() < 1e-6 < (arc.resample(300).translations[:, 0, 0].sqrt() - torch.linspace(0, 3, 301)).abs().max()
+    flipped = m.rotations.clone()
+    flipped[1::2] *= -1
+    assert same(m.replace(rotations=flipped).resample(50, smooth=True), m.resample(50, smooth=True))
+    assert len(m[:1].resample(100, smooth=True)) == 1 and len(m[:2].resample(90, smooth=True)) == 4
+
+
 @pytest.mark.parametrize("fps", [0, -1, math.nan])
 def test_resampling_to_no_frame_rate_is_refused(fps):
     with pytest.raises(MotionKitError, match="cannot resample"):

@@ -99,8 +99,8 @@ class Pieces:
         styles = (*plain[:1], *(style for style in data.styles if style not in plain))
         rows: list[tuple] = []
         for clip in data:
-            motion = body_of(clip.motion if abs(clip.motion.fps - fps) < 1e-3 else clip.motion.resample(fps))
-            x = frames_of(motion).x
+            motion = body_of(clip.motion)
+            x = frames_of(motion if abs(motion.fps - fps) < 1e-3 else motion.resample(fps, smooth=True)).x
             labels = data.contents.index(clip.content), styles.index(clip.style)
             for start in range(0, len(x) - frames + 1, frames - OVERLAP):
                 rows.append((x[start : start + frames], motion.translations[0], *labels))

@@ -309,7 +309,7 @@ class FewShot:
         if not body.skeleton.same_tree(wanted):
             still = Motion.from_root(wanted, torch.eye(4)[:1].expand(1, len(wanted), 4), torch.zeros(1, 3), body.fps)
             body = on_body(body, still)
-        return body if abs(body.fps - self.prior.fps) < 1e-3 else body.resample(self.prior.fps)
+        return body if abs(body.fps - self.prior.fps) < 1e-3 else body.resample(self.prior.fps, smooth=True)
 
     def _middle(self, motion: Motion) -> Motion:
         first = max(len(motion) - self.prior.longest, 0) // 2
@@ -345,5 +345,5 @@ class FewShot:
         if body.skeleton is not given.skeleton:
             body = on_body(body, given)
         if len(body) != len(given):
-            body = body.at(torch.arange(len(given), dtype=torch.float64) * (self.prior.fps / given.fps))
+            body = body.at(torch.arange(len(given), dtype=torch.float64) * (self.prior.fps / given.fps), True)
         return placed(body.replace(fps=given.fps), given)

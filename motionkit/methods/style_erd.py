@@ -102,7 +102,7 @@ class StyleErdMethod:
         if not body.skeleton.same_tree(skeleton):
             still = Motion.from_root(skeleton, torch.eye(4)[:1].expand(1, len(skeleton), 4), torch.zeros(1, 3), fps)
             body = on_body(body, still)
-        return body if abs(body.fps - fps) < 1e-3 else body.resample(fps)
+        return body if abs(body.fps - fps) < 1e-3 else body.resample(fps, smooth=True)
 
     def transfer(self, content: Clip, style: Clip) -> Motion:
         """`stylize` for labelled clips, as the arena asks."""
@@ -156,7 +156,7 @@ class StyleErdMethod:
             body = on_body(body, given)
         if len(body) != len(given) or abs(body.fps - given.fps) > 1e-3:
             times = torch.arange(len(given), dtype=torch.float64) * (self.model.fps / given.fps)
-            body = body.at(times.clamp(max=len(body) - 1)).replace(fps=given.fps)
+            body = body.at(times.clamp(max=len(body) - 1), smooth=True).replace(fps=given.fps)
         gap = given.root_path()[0] - body.root_path()[0]
         return body.moved(offset=(float(gap[0]), 0.0, float(gap[1])))
 
