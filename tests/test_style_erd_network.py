@@ -40,6 +40,15 @@ def test_stacks_are_pytorchs_lstms_side_by_side():
         assert torch.allclose(state[1][:, n].permute(1, 0, 2), last_c, atol=1e-6)
 
 
+def test_training_hears_only_what_it_needs(net):
+    x, both = torch.randn(3, 6, 50), (torch.tensor([0, 2, 3]), torch.tensor([1, 0, 0]))
+    content, needed = torch.tensor([0, 2, 1]), (net.weights_of(both[0]) + net.weights_of(both[1])) > 0
+    few, (every, _) = net.hear(x, content, both[0], needed), net.listen(x, content, both[0])
+    for target in both:
+        assert torch.allclose(net.say(few, net.weights_of(target)), net.say(every, net.weights_of(target)), atol=1e-6)
+    assert not few[:, :, 1:][~needed[:, None, 1:].expand(-1, 6, -1)].any() and few[0, 0, 1].any()
+
+
 def test_frame_by_frame_is_the_clip_at_once(net):
     x, wanted = torch.randn(2, 24, 50), net.weights_of(torch.tensor([3, 1]))
     whole, last = net(x, CONTENT, STYLE, wanted)

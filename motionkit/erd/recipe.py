@@ -62,7 +62,7 @@ class ErdRecipe:
     @classmethod
     def laptop(cls) -> ErdRecipe:
         """Larger batches and rates, fewer steps; the card of the shipped weights says how long it took."""
-        return cls(steps=16000, batch=64, rate=1e-3)
+        return cls(steps=24000, batch=64, rate=1e-3)
 
 
 _FULL = ErdRecipe.laptop()
@@ -186,14 +186,15 @@ class Course:
         came, net = _parts(x, joints), pair.generator
         offsets, low = self.pieces.offsets[chosen][:, None], lowest_foot(self.skeleton, came[1])
         place = partial(placed_positions, self.skeleton, offsets, lowest=low)
-        heard, _ = net.listen(x, content, style)
+        needed = (net.weights_of(style) + net.weights_of(target)) > 0
+        heard = net.hear(x, content, style, needed)
         rebuilt, told = (split(net.say(heard, net.weights_of(own))) for own in (style, target))
         made = place(told[0])
         rebuilding = rebuilding_loss((came[0], rebuilt[0]), (came[1], place(rebuilt[0])), (came[2], rebuilt[1]))
         fake = torch.cat((made.flatten(2), told[1].flatten(2)), 2)
         after = torch.cat((told[0].flatten(2), fake), 2)
         if recipe.cycle:
-            back = split(net(after, content, target, net.weights_of(style))[0])
+            back = split(net.say(net.hear(after, content, target, needed), net.weights_of(style)))
             returned = rebuilding_loss((came[0], back[0]), (came[1], place(back[0])), (came[2], back[1]))
             rebuilding = rebuilding + recipe.cycle * returned
         nothing = x.new_zeros(())

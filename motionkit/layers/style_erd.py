@@ -83,25 +83,18 @@ class Branches(nn.Module):
 
     def forward(self, z: Tensor, state: tuple[Tensor, Tensor]) -> tuple[Tensor, tuple[Tensor, Tensor]]:
         """z: [B, F, H], the same for all stacks. Returns [B, F, N, H] and the state after the last frame."""
-        x = z[:, :, None].expand(-1, -1, self.into.shape[1], -1)
-        hidden, cell = [], []
-        for layer in range(len(self.into)):
-            x, (h, c) = self._layer(layer, x, state[0][:, :, layer], state[1][:, :, layer])
-            hidden.append(h)
-            cell.append(c)
-        return x, (torch.stack(hidden, 2), torch.stack(cell, 2))
+        found = [self.alone(n, z, (state[0][:, n], state[1][:, n])) for n in range(self.into.shape[1])]
+        x, hidden, cell = (torch.stack([one[k] for one in found], 2 - (k > 0)) for k in range(3))
+        return x, (hidden, cell)
 
-    def _layer(self, layer: int, x: Tensor, h: Tensor, c: Tensor) -> tuple[Tensor, tuple[Tensor, Tensor]]:
-        """One layer of all stacks over all frames; x [B, F, N, H]."""
-        seen = torch.einsum("bfnh,ngh->fbng", x, self.into[layer]) + self.bias[layer]
-        over, found = self.over[layer].mT, []  # [N, H, 4H]
-        for own in seen:  # frame by frame
-            gates = own + torch.einsum("bnh,nhg->bng", h, over)
-            take, forget, new, give = gates.chunk(4, -1)
-            c = torch.sigmoid(forget) * c + torch.sigmoid(take) * torch.tanh(new)
-            h = torch.sigmoid(give) * torch.tanh(c)
-            found.append(h)
-        return torch.stack(found, 1), (h, c)
+    def alone(self, n: int, z: Tensor, state: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
+        """The stack with number n on z [B, F, H]; its state, and the one after the last frame, are [B, L, H] each."""
+        layers, weights, none = len(self.into), [], torch.zeros_like(self.bias[0, 0])
+        for layer in range(layers):
+            weights += [self.into[layer, n], self.over[layer, n], self.bias[layer, n], none]
+        begun = [part.transpose(0, 1).contiguous() for part in state]
+        x, h, c = torch.lstm(z, begun, weights, True, layers, 0.0, self.training, False, True)  # what nn.LSTM calls
+        return x, h.transpose(0, 1), c.transpose(0, 1)
 
 
 class StyleErd(nn.Module):
@@ -170,6 +163,21 @@ class StyleErd(nn.Module):
         base, neutral = self.neutral(z, state.neutral)
         extra, styles = self.residual(z, state.styles)
         return torch.cat((base, extra), 2), ErdState(neutral, styles)
+
+    def hear(self, x: Tensor, content: Tensor, style: Tensor, needed: Tensor) -> Tensor:
+        """As `listen` from the beginning, but only by the branches needed, bool [B, S]; 0 for the others.
+
+        Training asks for one or two of them: neither what it says nor any gradient is another for it.
+        """
+        z, nobody = self.encode(x, content, style), torch.zeros_like(content)
+        found, (hidden, cell) = [self.neutral(z, self.neutral.begin(content))[0][:, :, 0]], self.residual.begin(nobody)
+        for n in range(self.styles - 1):
+            rows, made = torch.nonzero(needed[:, n + 1])[:, 0], torch.zeros_like(found[0])
+            if len(rows):
+                own = self.residual.alone(n, z[rows], (hidden[rows, n], cell[rows, n]))[0]
+                made = made.index_put((rows,), own)
+            found.append(made)
+        return torch.stack(found, 2)
 
     def say(self, heard: Tensor, wanted: Tensor) -> Tensor:
         """The decoder's answer in the styles wanted, [B, F, 7J]; heard: of `listen`.
