@@ -43,7 +43,7 @@ def read(
 ) -> tuple[list[float], float]:
     """Puts a kept state back in place; returns the losses so far and the seconds they took.
 
-    Raises MotionKitError if the file is damaged, or is of another schedule or another model.
+    Raises MotionKitError if the file is damaged, or is of another schedule, recipe or model.
     """
     try:
         with safe_open(path, "pt") as file:
@@ -51,7 +51,7 @@ def read(
     except (SafetensorError, OSError) as error:
         raise MotionKitError(f"{path}: the kept run cannot be read ({error}); remove it to start again") from None
     if not same:
-        raise MotionKitError(f"{path}: this run was begun with another schedule; remove it to start again")
+        raise MotionKitError(f"{path}: this run was begun with another schedule or recipe; remove it to start again")
     load_into(model, _part(tensors, "model."), path)
     if mean is not None:
         load_into(mean, _part(tensors, "mean."), path)

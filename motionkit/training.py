@@ -32,7 +32,8 @@ class Schedule:
 
     steps: batches. rate: the highest. decay: of the weights. clip: the longest gradient. seed: says every batch.
     average: how much of the running mean of the weights stays at each step (EMA), such as 0.999; the trained model gets
-    that mean. 0 is none. Raises MotionKitError for numbers out of range.
+    that mean. 0 is none. recipe: what else is to be the same where a kept run goes on, such as a recipe. Raises
+    MotionKitError for numbers out of range.
     """
 
     steps: int
@@ -41,6 +42,7 @@ class Schedule:
     clip: float = 1.0
     seed: int = 0
     average: float = 0.0
+    recipe: str = ""
 
     def __post_init__(self) -> None:
         if not (self.steps >= 1 and self.rate > 0 and self.clip > 0 and 0 <= self.average < 1):

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 import torch
@@ -123,6 +124,8 @@ def test_a_kept_run_of_something_else_is_refused(tmp_path):
         fit(net, a_loss, SCHEDULE, keep=keep, title="", show=stop_at(1))
     with pytest.raises(mk.MotionKitError, match="another schedule"):
         fit(net, a_loss, Schedule(61), keep=keep, title="")
+    with pytest.raises(mk.MotionKitError, match="another schedule or recipe"):
+        fit(net, a_loss, replace(SCHEDULE, recipe="batches of 8"), keep=keep, title="")
     other = nn.Linear(4, 1)
     with pytest.raises(mk.MotionKitError, match="another configuration"):
         fit(other, a_loss, SCHEDULE, keep=keep, title="")

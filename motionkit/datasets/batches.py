@@ -27,8 +27,8 @@ class Batch(dict):
     texts: for each sample its name, and all sentences. features: [B, F, D], where asked for.
 
     >>> batch = Batch(mask=torch.ones(2, 8).bool(), names=["a", "b"]).to("cpu")
-    >>> batch.mask.shape, batch["names"]
-    (torch.Size([2, 8]), ['a', 'b'])
+    >>> batch, batch["names"]
+    (Batch(mask [2, 8], 2 names), ['a', 'b'])
     """
 
     def __getattr__(self, name: str):
@@ -36,6 +36,10 @@ class Batch(dict):
             return self[name]
         except KeyError:
             raise AttributeError(f"this batch has no {name!r}; it has {', '.join(self)}") from None
+
+    def __repr__(self) -> str:
+        parts = (f"{k} {list(v.shape)}" if isinstance(v, Tensor) else f"{len(v)} {k}" for k, v in self.items())
+        return f"Batch({', '.join(parts)})"
 
     def to(self, *place, **more) -> Batch:
         """The batch with its tensors on another device, as `Tensor.to`; names and texts stay."""

@@ -248,6 +248,7 @@ def train_erd(
     critic = (FtAttCritic if recipe.attention else MultiClassCritic)(joints, *counts)
     pair = Pair(StyleErd(joints, *counts, recipe.config, recipe.beginnings), critic, recipe.slower)
     course = Course(pieces, skeleton, contents.eval(), recipe)
-    schedule = Schedule(recipe.steps, recipe.rate, decay=0.0, clip=1e6, seed=seed, average=0.995)
+    same = f"{recipe}, {len(pieces.x)} windows of {pieces.contents} in {pieces.styles}"
+    schedule = Schedule(recipe.steps, recipe.rate, decay=0.0, clip=1e6, seed=seed, average=0.995, recipe=same)
     run = fit(pair, lambda model, step: course.loss(model), schedule, **running)
     return pair.generator.eval(), run, pieces

@@ -215,7 +215,8 @@ def teach(lesson: Lesson, recipe: Recipe, seed: int = 0, **running) -> tuple[Ada
     else:
         adapter = Adapter(lesson.prior.network.eval(), recipe.rank, seed)
     lesson.discriminator.network.eval().requires_grad_(False)
-    schedule = Schedule(recipe.steps, recipe.rate, decay=0.0, seed=seed)
+    same = f"{recipe}, {lesson.prompt!r}, {len(lesson.styled)} frames"
+    schedule = Schedule(recipe.steps, recipe.rate, decay=0.0, seed=seed, recipe=same)
 
     def loss_of(network: torch.nn.Module, step: int) -> Tensor:
         example = lesson.example_loss(network)
