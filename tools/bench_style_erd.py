@@ -29,7 +29,7 @@ from motionkit.erd.recipe import ABLATIONS
 from motionkit.methods.style_erd import StyleErdMethod
 
 RESULT = ROOT / "results" / "style-erd.json"
-ROW_STEPS = 2000  # of every row of table 1; the shipped model has more
+ROW_STEPS = 4000  # of every row of table 1; the shipped model has more
 COLUMNS = ("fmd", "fmd_ae", "cra", "sra", "truth_error", "fsf", "fca", "jitter", "seconds")
 ABOUT = "Neutral clips of each content in every other style"
 BESIDE = Protocol("beside baselines", "neutral to styled", columns=COLUMNS, about=f"{ABOUT}, of every style clip.")
@@ -104,13 +104,13 @@ def beginnings(model: ErdModel, figures: dict) -> list[dict]:
 
 
 def switches(model: ErdModel, figures: dict) -> None:
-    """Jerk while one style becomes another, every second, over that in between, where the style stays."""
-    walk = perform("walk", "neutral", seed=2, seconds=30.0, fps=model.fps).motion
+    """Jerk while one style becomes another, every two seconds, over that in between, where the style stays."""
+    walk = perform("walk", "neutral", seed=2, seconds=60.0, fps=model.fps).motion
     stream = StyleErdMethod(model).stream("neutral", content="walk", own_style="neutral")
     chance = np.random.default_rng(0)
     turns, places, marks, made = walk.rotations.numpy(), walk.translations.numpy(), [], []
     for n in range(len(walk)):
-        if n and n % 60 == 0:
+        if n and n % 120 == 0:
             stream.style = model.styles[int(chance.integers(len(model.styles)))]
             marks.append(n)
         rotations, root = stream.push(turns[None, n], places[None, n])

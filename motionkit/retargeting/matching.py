@@ -187,9 +187,8 @@ def _check(source: Body, target: Body, names: Mapping[str, str | None]) -> None:
     ]
     if not missing:
         return
-    matched = [role for role in NEEDED if role in source.roles and role not in missing]
     free = [
-        [name for n, name in enumerate(body.skeleton.names) if n not in body.roles.values()]
+        _some([name for n, name in enumerate(body.skeleton.names) if n not in body.roles.values()])
         for body in (source, target)
         if any(role not in body.roles for role in missing)
     ]
@@ -200,7 +199,11 @@ def _check(source: Body, target: Body, names: Mapping[str, str | None]) -> None:
     table = ", ".join(f"{name(target, r, 'target')}: {name(source, r, 'source')}" for r in missing)
     raise MotionKitError(
         f"retarget: expected hips, knees, ankles, shoulders and elbows of both sides on both skeletons; "
-        f"matched {', '.join(matched) or 'none'}; not found: {', '.join(missing)}. Say which joints "
-        f"they are with names={{{table}}}, or give None for a joint to "
-        f"leave out. Joints that play no part yet: {'; '.join(', '.join(names) for names in free)}"
+        f"not found: {', '.join(missing)}. Say which joints they are with mk.retarget(clip, to, names={{{table}}}), or "
+        f"give None for a joint to leave out. Joints that play no part yet: {'; '.join(free)}"
     )
+
+
+def _some(names: list[str]) -> str:
+    """The first few of them; a creature may have dozens."""
+    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
