@@ -7,13 +7,16 @@ The model is the shipped one of Bandai-2 (`python -m motionkit train erd --data 
 
 import sys
 import time
-from dataclasses import replace
 
 import motionkit as mk
 from bench import ROOT, captures, figure, write_result
-from motionkit.arena import PROTOCOLS
+from motionkit.arena import Protocol
 
 RESULT = ROOT / "results" / "style-erd-captures.json"
+COLUMNS = ("fmd", "fmd_ae", "cra", "sra", "fsf", "fca", "jitter", "seconds")
+CAPTURES = Protocol(  # of a style clip Style-ERD takes the label alone, so one of each style is enough
+    "captures", "neutral to styled", samples=0, examples=1, columns=COLUMNS, about="Every normal clip in every style."
+)
 RIVALS = ("knn-dtw", "linear", "statistics")
 ENDS = (("fmd", min), ("fmd_ae", min), ("cra", max), ("sra", max))
 
@@ -21,9 +24,8 @@ ENDS = (("fmd", min), ("fmd_ae", min), ("cra", max), ("sra", max))
 def main() -> int:
     """Measure everything and write results/style-erd-captures.json."""
     start, split = time.perf_counter(), captures().split()
-    protocol = replace(PROTOCOLS["paper-1"], name="paper-1, one example", examples=1)  # more have the same label
     methods = {"style-erd": mk.methods.load("style-erd", model="bandai-2")} | {name: name for name in RIVALS}
-    table = mk.arena.run(methods, split, protocol)
+    table = mk.arena.run(methods, split, CAPTURES)
     print(table)
     found, figures = {row["method"]: row for row in table.records()}, {}
     for label, better in ENDS:
