@@ -10,6 +10,7 @@ from motionkit import erd
 from motionkit.datasets import BvhSource, Item, Labels, of_items
 from motionkit.erd import recipe as recipes
 from motionkit.erd.commands import measured, train_model
+from motionkit.erd.frames import frames_of
 from motionkit.erd.labels import Guesses, Labeller, hits, train_labels
 from motionkit.erd.recipe import ABLATIONS, Course, ErdRecipe, Pair, Pieces, train_contents, train_erd
 from motionkit.layers import ErdConfig, FtAttCritic, MultiClassCritic, StyleErd
@@ -51,6 +52,37 @@ def test_windows_are_as_the_paper_cuts_them(data, course):
     assert not pieces.x[:, 0, 154:].any() and pieces.x[:, 1, 154:].any()
     with pytest.raises(mk.MotionKitError, match="needs a neutral style"):
         Pieces.of(data.filter(style="old"), 30.0)
+
+
+def test_a_run_up_is_what_the_clip_did_before_the_window(data, course):
+    pieces, clip = course.pieces, frames_of(data[0].motion).x
+    assert pieces.earlier[:3].tolist() == [0, 1, 2] and len(pieces.going) == len(pieces.x)
+    assert torch.equal(pieces.amid(torch.tensor([2]))[0], clip[40:64])
+    before = pieces.run_up(torch.tensor([2]), 2)[0]
+    assert torch.equal(before[1:], clip[1:40]) and not before[0, 154:].any()
+    assert torch.equal(pieces.run_up(torch.tensor([2]), 1)[0, 1:], clip[21:40])
+    longer = Course(pieces, course.skeleton, course.contents, replace(SMALL, run_up=3))
+    torch.manual_seed(0)
+    drawn = [longer.back() for _ in range(60)]
+    assert set(drawn) == {0, 1, 2, 3} and 15 < drawn.count(0) < 45
+    assert all(int(pieces.earlier[longer.draw(2)[0]].min()) >= 2 for _ in range(5))
+    cycle = Course(pieces, course.skeleton, course.contents, replace(SMALL, run_up=3, cycle=1.0))
+    assert {one.back() for _ in range(9) for one in (course, cycle)} == {0}
+
+
+def test_with_a_run_up_it_learns_from_the_middle_of_streams(course, pair, monkeypatch):
+    seen, longer = [], Course(course.pieces, course.skeleton, course.contents, replace(SMALL, run_up=2))
+    monkeypatch.setattr(Course, "back", lambda self: 2)
+    hear = pair.generator.hear
+
+    def watched(x, *rest):
+        seen.append((x.shape[1], torch.is_grad_enabled()))
+        return hear(x, *rest)
+
+    monkeypatch.setattr(pair.generator, "hear", watched)
+    longer.loss(pair).backward()
+    assert seen == [(40, False), (24, True)]
+    assert pair.generator.neutral.hidden.grad is None  # its own beginning is not what it is learning from here
 
 
 def test_neutral_goes_to_any_style_that_its_content_has_and_styles_to_neutral(course):

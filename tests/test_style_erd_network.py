@@ -43,10 +43,23 @@ def test_stacks_are_pytorchs_lstms_side_by_side():
 def test_training_hears_only_what_it_needs(net):
     x, both = torch.randn(3, 6, 50), (torch.tensor([0, 2, 3]), torch.tensor([1, 0, 0]))
     content, needed = torch.tensor([0, 2, 1]), (net.weights_of(both[0]) + net.weights_of(both[1])) > 0
-    few, (every, _) = net.hear(x, content, both[0], needed), net.listen(x, content, both[0])
+    (few, after), (every, whole) = net.hear(x, content, both[0], needed), net.listen(x, content, both[0])
     for target in both:
         assert torch.allclose(net.say(few, net.weights_of(target)), net.say(every, net.weights_of(target)), atol=1e-6)
     assert not few[:, :, 1:][~needed[:, None, 1:].expand(-1, 6, -1)].any() and few[0, 0, 1].any()
+    then = net.hear(x, content, both[0], needed, after)[0]
+    assert torch.allclose(then, net.hear(x, content, both[0], needed, whole)[0], atol=1e-6)
+    assert not torch.allclose(then, few, atol=1e-3)
+
+
+def test_gates_may_be_open_at_first():
+    torch.manual_seed(0)
+    plain = StyleErd(5, 3, 4, ErdConfig.tiny())
+    torch.manual_seed(0)
+    gap = StyleErd(5, 3, 4, ErdConfig.tiny(), opened=1.5).neutral.bias - plain.neutral.bias
+    take, forget, new, give = gap.detach().chunk(4, -1)
+    assert torch.allclose(take, torch.full_like(take, 1.5)) and torch.allclose(give, take)
+    assert not forget.any() and not new.any()
 
 
 def test_frame_by_frame_is_the_clip_at_once(net):

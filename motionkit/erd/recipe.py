@@ -38,8 +38,10 @@ class ErdRecipe:
     steps, batch, rate: of the generator; slower: the critic's rate over it. adversarial, perceptual, attention,
     beginnings: false leaves that part out (table 1). fps: of the windows. cycle: above 0, styles need not have been
     seen doing the same (beyond the paper, its sections C.1 and C.3): the critic is shown whatever there is of a style,
-    and what was told in another style must come back as it was, which counts so much. `paper()` is as published,
-    `laptop()` has the same parts and sizes.
+    and what was told in another style must come back as it was, which counts so much. run_up: half of the batches are
+    not the beginning of a stream; their memory comes from up to so many earlier windows (beyond the paper, where each
+    window begins anew). opened: added to the biases of the gates that take and give before training, so that more
+    gets through deep stacks from the first step on. `paper()` is as published, `laptop()` has the same parts and sizes.
     """
 
     config: ErdConfig = ErdConfig()
@@ -53,6 +55,8 @@ class ErdRecipe:
     attention: bool = True
     beginnings: bool = True
     cycle: float = 0.0
+    run_up: int = 0
+    opened: float = 0.0
 
     @classmethod
     def paper(cls, windows: int) -> ErdRecipe:
@@ -61,8 +65,8 @@ class ErdRecipe:
 
     @classmethod
     def laptop(cls) -> ErdRecipe:
-        """Larger batches and rates, fewer steps; the card of the shipped weights says how long it took."""
-        return cls(steps=24000, batch=64, rate=1e-3)
+        """Larger batches and rates, fewer steps, open gates and run-ups; cards say how long it took."""
+        return cls(steps=14000, batch=64, rate=3e-3, run_up=9, opened=1.5)
 
 
 _FULL = ErdRecipe.laptop()
@@ -80,10 +84,14 @@ ABLATIONS = {  # the rows of paper 2's table 1, each one call
 class Pieces:
     """Windows of a labelled dataset, of WINDOW frames each if nothing else is asked for.
 
-    x: [N, F, 10J]; offsets: [N, J, 3] of each body; content, style: long [N], the neutral style 0.
+    x: [N, F, 10J], each as the beginning of a stream, see `frames.begun`. going: [N, 3J], the velocities of the first
+    frame, where it is none. earlier: long [N], how many windows of the same clip come before it. offsets: [N, J, 3] of
+    each body; content, style: long [N], the neutral style 0.
     """
 
     x: Tensor
+    going: Tensor
+    earlier: Tensor
     offsets: Tensor
     content: Tensor
     style: Tensor
@@ -102,13 +110,27 @@ class Pieces:
             motion = body_of(clip.motion)
             x = frames_of(motion if abs(motion.fps - fps) < 1e-3 else motion.resample(fps, smooth=True)).x
             labels = data.contents.index(clip.content), styles.index(clip.style)
-            for start in range(0, len(x) - frames + 1, frames - OVERLAP):
-                rows.append((x[start : start + frames], motion.translations[0], *labels))
+            for k, start in enumerate(range(0, len(x) - frames + 1, frames - OVERLAP)):
+                rows.append((x[start : start + frames], k, motion.translations[0], *labels))
         if not rows:
             raise MotionKitError(f"no clip of {data.name!r} has {frames} frames at {fps:g} a second")
-        x, offsets, content, style = zip(*rows)
-        x = begun(torch.stack(x), len(offsets[0]))
-        return cls(x, torch.stack(offsets), torch.tensor(content), torch.tensor(style), tuple(data.contents), styles)
+        x, earlier, offsets, content, style = zip(*rows)
+        x, joints, numbers = torch.stack(x), len(offsets[0]), map(torch.tensor, (content, style))
+        earlier = torch.tensor(earlier)
+        going = x[torch.arange(len(x)), (earlier == 0).long(), -3 * joints :]  # a clip's first frame knows none
+        return cls(begun(x, joints), going, earlier, torch.stack(offsets), *numbers, tuple(data.contents), styles)
+
+    def amid(self, rows: Tensor) -> Tensor:
+        """Windows [..., F, 10J] as they are in the middle of a stream, by their numbers, long [...]."""
+        x = self.x[rows].clone()
+        x[..., 0, -self.going.shape[1] :] = self.going[rows]
+        return x
+
+    def run_up(self, chosen: Tensor, back: int) -> Tensor:
+        """The frames before windows, long [B], from the beginning of the `back`-th window before: [B, R, 10J]."""
+        rows = chosen[:, None] - torch.arange(back, 0, -1)
+        x = self.amid(rows)[:, :, :-OVERLAP].flatten(1, 2)
+        return begun(x, x.shape[2] // 10)
 
     def members(self) -> dict[tuple[int, int], Tensor]:
         """The windows of every content and style."""
@@ -145,13 +167,14 @@ class Course:
     contents: ContentNet
     recipe: ErdRecipe
 
-    def draw(self) -> tuple[Tensor, Tensor]:
+    def draw(self, back: int = 0) -> tuple[Tensor, Tensor]:
         """Windows by chance, long [B], and the style that each is to be told in, long [B] (paper 2, section 3.2).
 
         Neutral ones go to any other style that has this content, styled ones to neutral. With a cycle the content does
-        not matter.
+        not matter. back: how many windows there must be before each.
         """
-        chosen = torch.randint(len(self.pieces.x), (self.recipe.batch,))
+        able = torch.nonzero(self.pieces.earlier >= back)[:, 0]
+        chosen = able[torch.randint(len(able), (self.recipe.batch,))]
         wanted = []
         for content, style in zip(self.pieces.content[chosen].tolist(), self.pieces.style[chosen].tolist()):
             others = sorted({s for c, s in self.members if s != 0 and (c == content or self.recipe.cycle)})
@@ -168,44 +191,55 @@ class Course:
         """The windows of every style."""
         return {s: torch.nonzero(self.pieces.style == s)[:, 0] for s in set(self.pieces.style.tolist())}
 
-    def real(self, content: Tensor, style: Tensor) -> tuple[Tensor, Tensor]:
+    def back(self) -> int:
+        """How many windows a batch's memory comes from: for half of them none, nor for cycles; else up to `run_up`."""
+        most = 0 if self.recipe.cycle else min(self.recipe.run_up, int(self.pieces.earlier.max()))
+        return int(torch.randint(1, most + 1, ())) if most and torch.rand(()) < 0.5 else 0
+
+    def real(self, content: Tensor, style: Tensor, amid: bool = False) -> tuple[Tensor, Tensor]:
         """For each content and style a real window by chance, [B, F, 6J], and its content, long [B].
 
-        It is the paired motion, not in step with it; with a cycle, any motion in this style.
+        It is the paired motion, not in step with it; with a cycle, any motion in this style. amid: in the middle of a
+        stream.
         """
         kinds = zip(content.tolist(), style.tolist())
         own = [self.by_style[kind[1]] if self.recipe.cycle else self.members[kind] for kind in kinds]
         rows = torch.stack([kind[int(torch.rand(()) * len(kind))] for kind in own])
-        return self.pieces.x[rows][..., 4 * len(self.skeleton) :], self.pieces.content[rows]
+        x = self.pieces.amid(rows) if amid else self.pieces.x[rows]
+        return x[..., 4 * len(self.skeleton) :], self.pieces.content[rows]
 
     def loss(self, pair: Pair) -> Tensor:
         """One step's loss of both, eqs. 8 and 9 of paper 2 together: neither's gradient reaches the other."""
-        recipe, joints = self.recipe, len(self.skeleton)
-        chosen, target = self.draw()
+        recipe, joints, back = self.recipe, len(self.skeleton), self.back()
+        chosen, target = self.draw(back)
         x, content, style = (part[chosen] for part in (self.pieces.x, self.pieces.content, self.pieces.style))
-        came, net = _parts(x, joints), pair.generator
+        x = self.pieces.amid(chosen) if back else x
+        came, net, state = _parts(x, joints), pair.generator, None
         offsets, low = self.pieces.offsets[chosen][:, None], lowest_foot(self.skeleton, came[1])
         place = partial(placed_positions, self.skeleton, offsets, lowest=low)
         needed = (net.weights_of(style) + net.weights_of(target)) > 0
-        heard = net.hear(x, content, style, needed)
+        if back:
+            with torch.no_grad():
+                state = net.hear(self.pieces.run_up(chosen, back), content, style, needed)[1]
+        heard, _ = net.hear(x, content, style, needed, state)
         rebuilt, told = (split(net.say(heard, net.weights_of(own))) for own in (style, target))
         made = place(told[0])
         rebuilding = rebuilding_loss((came[0], rebuilt[0]), (came[1], place(rebuilt[0])), (came[2], rebuilt[1]))
         fake = torch.cat((made.flatten(2), told[1].flatten(2)), 2)
         after = torch.cat((told[0].flatten(2), fake), 2)
         if recipe.cycle:
-            back = split(net.say(net.hear(after, content, target, needed), net.weights_of(style)))
-            returned = rebuilding_loss((came[0], back[0]), (came[1], place(back[0])), (came[2], back[1]))
+            again = split(net.say(net.hear(after, content, target, needed)[0], net.weights_of(style)))
+            returned = rebuilding_loss((came[0], again[0]), (came[1], place(again[0])), (came[2], again[1]))
             rebuilding = rebuilding + recipe.cycle * returned
         nothing = x.new_zeros(())
         adversarial = adversarial_loss(pair.judged(fake, target, content)) if recipe.adversarial else nothing
         kept = perceptual_loss(self.contents(x)[1], self.contents(after)[1]) if recipe.perceptual else nothing
         total = generator_total(rebuilding, adversarial, kept)
-        return total + self._critics(pair, fake.detach(), target, content) if recipe.adversarial else total
+        return total + self._critics(pair, fake.detach(), target, content, back > 0) if recipe.adversarial else total
 
-    def _critics(self, pair: Pair, fake: Tensor, style: Tensor, content: Tensor) -> Tensor:
+    def _critics(self, pair: Pair, fake: Tensor, style: Tensor, content: Tensor, amid: bool) -> Tensor:
         """The critic's loss of motions [B, F, 6J] that were made in styles, and of real ones (eq. 9)."""
-        real, theirs = self.real(content, style)
+        real, theirs = self.real(content, style, amid)
         real = real.clone().requires_grad_()
         answers = pair.critic(real, style, theirs)
         critic = critic_loss(answers, pair.critic(fake, style, content))
@@ -246,7 +280,7 @@ def train_erd(
     contents = contents if contents is not None else train_contents(pieces, joints, seed=seed)
     torch.manual_seed(seed)
     critic = (FtAttCritic if recipe.attention else MultiClassCritic)(joints, *counts)
-    pair = Pair(StyleErd(joints, *counts, recipe.config, recipe.beginnings), critic, recipe.slower)
+    pair = Pair(StyleErd(joints, *counts, recipe.config, recipe.beginnings, recipe.opened), critic, recipe.slower)
     course = Course(pieces, skeleton, contents.eval(), recipe)
     same = f"{recipe}, {len(pieces.x)} windows of {pieces.contents} in {pieces.styles}"
     schedule = Schedule(recipe.steps, recipe.rate, decay=0.0, clip=1e6, seed=seed, average=0.995, recipe=same)

@@ -101,7 +101,8 @@ class StyleErd(nn.Module):
     """Paper 2's generator (section 3.1): encoder, neutral branch plus the target style's residual, decoder.
 
     joints: J. contents, styles: how many labels there are, n_C and n_S, the neutral style with the number 0. learned:
-    whether the branches' beginnings are learned (table 1's last row has zeros).
+    whether the branches' beginnings are learned (table 1's last row has zeros). opened: is added to the first biases of
+    the gates that take and give; 0 is PyTorch's default, as in the paper.
 
     >>> net = StyleErd(joints=5, contents=3, styles=4, config=ErdConfig.tiny())
     >>> x, content, style = torch.randn(2, 24, 50), torch.tensor([0, 2]), torch.tensor([0, 1])
@@ -111,7 +112,13 @@ class StyleErd(nn.Module):
     """
 
     def __init__(
-        self, joints: int, contents: int, styles: int, config: ErdConfig | None = None, learned: bool = True
+        self,
+        joints: int,
+        contents: int,
+        styles: int,
+        config: ErdConfig | None = None,
+        learned: bool = True,
+        opened: float = 0.0,
     ) -> None:
         super().__init__()
         self.config = config = config or ErdConfig.paper()
@@ -120,10 +127,12 @@ class StyleErd(nn.Module):
         self.neutral = Branches(1, config.neutral, config.latent, contents)
         self.residual = Branches(styles - 1, config.style, config.latent, 1)
         self.decoder = _mlp(config.latent + styles, config.decoder, 7 * joints)
-        if not learned:
-            for branch in (self.neutral, self.residual):
-                branch.hidden.requires_grad_(False)
-                branch.cell.requires_grad_(False)
+        for branch in (self.neutral, self.residual):
+            take, _, _, give = branch.bias.detach().chunk(4, -1)
+            take += opened
+            give += opened
+            for beginning in (branch.hidden, branch.cell):
+                beginning.requires_grad_(learned)
 
     def weights_of(self, style: Tensor, strength: float = 1.0) -> Tensor:
         """How much of each style `forward` is to add [B, S], for one style each, long [B] (paper 2, section 4.4)."""
@@ -164,20 +173,24 @@ class StyleErd(nn.Module):
         extra, styles = self.residual(z, state.styles)
         return torch.cat((base, extra), 2), ErdState(neutral, styles)
 
-    def hear(self, x: Tensor, content: Tensor, style: Tensor, needed: Tensor) -> Tensor:
-        """As `listen` from the beginning, but only by the branches needed, bool [B, S]; 0 for the others.
+    def hear(
+        self, x: Tensor, content: Tensor, style: Tensor, needed: Tensor, state: ErdState | None = None
+    ) -> tuple[Tensor, ErdState]:
+        """As `listen`, but only by the branches needed, bool [B, S]; what the others make of it is 0.
 
         Training asks for one or two of them: neither what it says nor any gradient is another for it.
         """
-        z, nobody = self.encode(x, content, style), torch.zeros_like(content)
-        found, (hidden, cell) = [self.neutral(z, self.neutral.begin(content))[0][:, :, 0]], self.residual.begin(nobody)
+        state, z = self.begin(content) if state is None else state, self.encode(x, content, style)
+        base, neutral = self.neutral(z, state.neutral)
+        extra, styles = base.new_zeros(*z.shape[:2], self.styles - 1, z.shape[2]), list(state.styles)
         for n in range(self.styles - 1):
-            rows, made = torch.nonzero(needed[:, n + 1])[:, 0], torch.zeros_like(found[0])
+            rows = torch.nonzero(needed[:, n + 1])[:, 0]
             if len(rows):
-                own = self.residual.alone(n, z[rows], (hidden[rows, n], cell[rows, n]))[0]
-                made = made.index_put((rows,), own)
-            found.append(made)
-        return torch.stack(found, 2)
+                own = self.residual.alone(n, z[rows], tuple(part[rows, n] for part in state.styles))
+                place = rows, torch.tensor(n, device=rows.device)
+                extra = extra.transpose(1, 2).index_put(place, own[0]).transpose(1, 2)
+                styles = [part.index_put(place, new) for part, new in zip(styles, own[1:])]
+        return torch.cat((base, extra), 2), ErdState(neutral, tuple(styles))
 
     def say(self, heard: Tensor, wanted: Tensor) -> Tensor:
         """The decoder's answer in the styles wanted, [B, F, 7J]; heard: of `listen`.
