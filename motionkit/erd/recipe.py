@@ -17,7 +17,7 @@ from ..pairs import NEUTRAL
 from ..restyling import body_of
 from ..skeleton import Skeleton
 from ..training import Run, Schedule, fit
-from .frames import begun, frames_of, lowest_foot, placed_positions, split
+from .frames import TENTH, begun, frames_of, lowest_foot, placed_positions, split
 from .losses import (
     adversarial_loss,
     critic_loss,
@@ -37,11 +37,13 @@ class ErdRecipe:
 
     steps, batch, rate: of the generator; slower: the critic's rate over it. adversarial, perceptual, attention,
     beginnings: false leaves that part out (table 1). fps: of the windows. cycle: above 0, styles need not have been
-    seen doing the same (beyond the paper, its sections C.1 and C.3): the critic is shown whatever there is of a style,
+    seen doing the same (beyond the paper, its section C.1): the critic is shown whatever there is of a style,
     and what was told in another style must come back as it was, which counts so much. run_up: half of the batches are
     not the beginning of a stream; their memory comes from up to so many earlier windows (beyond the paper, where each
     window begins anew). opened: added to the biases of the gates that take and give before training, so that more
-    gets through deep stacks from the first step on. `paper()` is as published, `laptop()` has the same parts and sizes.
+    gets through deep stacks from the first step on. steady: how much it counts that rebuilt positions move from frame
+    to frame as those that came in do, or they tremble (beyond the paper). `paper()` is as published, `laptop()` has the
+    same parts and sizes.
     """
 
     config: ErdConfig = ErdConfig()
@@ -57,6 +59,7 @@ class ErdRecipe:
     cycle: float = 0.0
     run_up: int = 0
     opened: float = 0.0
+    steady: float = 0.0
 
     @classmethod
     def paper(cls, windows: int) -> ErdRecipe:
@@ -65,8 +68,8 @@ class ErdRecipe:
 
     @classmethod
     def laptop(cls) -> ErdRecipe:
-        """Larger batches and rates, fewer steps, open gates and run-ups; cards say how long it took."""
-        return cls(steps=14000, batch=64, rate=3e-3, run_up=9, opened=1.5)
+        """Larger batches and rates, fewer steps, run-ups, open gates, steadiness; cards say how long it took."""
+        return cls(steps=9000, batch=64, rate=3e-3, run_up=9, opened=1.5, steady=3.0)
 
 
 _FULL = ErdRecipe.laptop()
@@ -224,7 +227,11 @@ class Course:
         heard, _ = net.hear(x, content, style, needed, state)
         rebuilt, told = (split(net.say(heard, net.weights_of(own))) for own in (style, target))
         made = place(told[0])
-        rebuilding = rebuilding_loss((came[0], rebuilt[0]), (came[1], place(rebuilt[0])), (came[2], rebuilt[1]))
+        places = place(rebuilt[0])
+        rebuilding = rebuilding_loss((came[0], rebuilt[0]), (came[1], places), (came[2], rebuilt[1]))
+        if recipe.steady:
+            trembling = (places - came[1]).diff(dim=1) * (recipe.fps / TENTH)
+            rebuilding = rebuilding[:, 1:] + recipe.steady * trembling.square().sum((-2, -1))
         fake = torch.cat((made.flatten(2), told[1].flatten(2)), 2)
         after = torch.cat((told[0].flatten(2), fake), 2)
         if recipe.cycle:

@@ -39,7 +39,7 @@ class ErdStream:
         content: object = None,
         own_style: object = None,
         count: int = 1,
-        fade: float = 0.5,
+        fade: float = 0.8,
     ) -> None:
         if isinstance(count, bool) or not isinstance(count, int) or count < 1:
             raise MotionKitError(f"count says how many streams run side by side, from 1; found {count!r}")
