@@ -230,8 +230,9 @@ class Course:
         places = place(rebuilt[0])
         rebuilding = rebuilding_loss((came[0], rebuilt[0]), (came[1], places), (came[2], rebuilt[1]))
         if recipe.steady:
-            trembling = (places - came[1]).diff(dim=1) * (recipe.fps / TENTH)
-            rebuilding = rebuilding[:, 1:] + recipe.steady * trembling.square().sum((-2, -1))
+            off = places - came[1]
+            trembling = off.diff(dim=1, prepend=off[:, :1]) * (recipe.fps / TENTH)
+            rebuilding = rebuilding + recipe.steady * trembling.square().sum((-2, -1))
         fake = torch.cat((made.flatten(2), told[1].flatten(2)), 2)
         after = torch.cat((told[0].flatten(2), fake), 2)
         if recipe.cycle:
