@@ -10,7 +10,7 @@ from motionkit import erd
 from motionkit.datasets import BvhSource, Item, Labels, of_items
 from motionkit.erd import recipe as recipes
 from motionkit.erd.commands import measured, train_model
-from motionkit.erd.frames import frames_of
+from motionkit.erd.frames import frames_of, lowest_foot, placed_positions, split
 from motionkit.erd.labels import Guesses, Labeller, hits, train_labels
 from motionkit.erd.recipe import ABLATIONS, Course, ErdRecipe, Pair, Pieces, train_contents, train_erd
 from motionkit.layers import ErdConfig, FtAttCritic, MultiClassCritic, StyleErd
@@ -83,6 +83,24 @@ def test_with_a_run_up_it_learns_from_the_middle_of_streams(course, pair, monkey
     longer.loss(pair).backward()
     assert seen == [(40, False), (24, True)]
     assert pair.generator.neutral.hidden.grad is None  # its own beginning is not what it is learning from here
+
+
+@torch.no_grad()
+def test_what_trembles_costs_where_steadiness_counts(course, pair):
+    found = []
+    for steady in (0.0, 3.0):
+        torch.manual_seed(3)
+        rec = replace(SMALL, adversarial=False, perceptual=False, steady=steady)
+        found.append(float(Course(course.pieces, course.skeleton, course.contents, rec).loss(pair)))
+    torch.manual_seed(3)
+    chosen = Course(course.pieces, course.skeleton, course.contents, SMALL).draw()[0]
+    x, content, style = (part[chosen] for part in (course.pieces.x, course.pieces.content, course.pieces.style))
+    turns = split(pair.generator(x, content, style, pair.generator.weights_of(style))[0])[0]
+    came = x[..., 88:154].unflatten(-1, (22, 3))
+    low = lowest_foot(course.skeleton, came)
+    off = placed_positions(course.skeleton, course.pieces.offsets[chosen][:, None], turns, low) - came
+    moved = 3.0 * (off.diff(dim=1) * (30.0 / 10)).square().sum((1, 2, 3)).mean()
+    assert found[1] - found[0] == pytest.approx(float(moved), rel=1e-4) and moved > 0
 
 
 def test_neutral_goes_to_any_style_that_its_content_has_and_styles_to_neutral(course):
