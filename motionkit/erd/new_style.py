@@ -21,7 +21,7 @@ from .losses import quaternion_loss, rebuilding_loss
 from .model import ErdModel
 
 STEPS, RATE, BATCH = 400, 1e-3, 16
-_STAY = 1.0  # how much it counts how far the new branch goes from where it began
+_STAY = 2.0  # how much it counts how far the new branch goes from where it began
 
 
 class NewBranch(nn.Module):
