@@ -78,7 +78,7 @@ def test_every_part_of_a_clip_is_restyled_by_what_it_does():
     errors = [
         error_against(method.stylize(played.motion, "old", content_label=label), answer) for label in (None, "jump")
     ]
-    assert errors[0] < 0.8 * errors[1]
+    assert errors[0] < errors[1] and errors[0] < 50
 
 
 def test_labels_are_guessed_and_a_clip_may_lend_its_style(walk):

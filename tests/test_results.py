@@ -78,7 +78,6 @@ TARGETS = {
         "cra_over_best_share": 1,
         "sra_over_best_share": 1,
     },
-    "style-erd-longer": {"truth_error_ratio": 1, "cra_share": 1, "sra_share": 1},
     "diffusion": {
         "paper_call_ms": 52,
         "paper_ddim20_seconds": 1.0,
