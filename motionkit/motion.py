@@ -250,7 +250,7 @@ def facing_of(skeleton: Skeleton, positions: Tensor, world: Tensor | None = None
 
 def _splined(rows: Tensor, times: Tensor) -> Tensor:
     """Rows [F, ...] of at least two frames, read at times [N] by cubic splines."""
-    return torch.from_numpy(CubicSpline(range(len(rows)), rows.double().numpy())(times.numpy())).to(rows)
+    return torch.from_numpy(CubicSpline(range(len(rows)), rows.detach().double().cpu())(times.cpu())).to(rows)
 
 
 def left_right_pairs(skeleton: Skeleton) -> list[tuple[int, int]]:

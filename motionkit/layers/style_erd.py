@@ -182,15 +182,14 @@ class StyleErd(nn.Module):
         """
         state, z = self.begin(content) if state is None else state, self.encode(x, content, style)
         base, neutral = self.neutral(z, state.neutral)
-        extra, styles = base.new_zeros(*z.shape[:2], self.styles - 1, z.shape[2]), list(state.styles)
+        extra, styles = base.new_zeros(len(z), self.styles - 1, *z.shape[1:]), list(state.styles)
         for n in range(self.styles - 1):
             rows = torch.nonzero(needed[:, n + 1])[:, 0]
             if len(rows):
                 own = self.residual.alone(n, z[rows], tuple(part[rows, n] for part in state.styles))
                 place = rows, torch.tensor(n, device=rows.device)
-                extra = extra.transpose(1, 2).index_put(place, own[0]).transpose(1, 2)
-                styles = [part.index_put(place, new) for part, new in zip(styles, own[1:])]
-        return torch.cat((base, extra), 2), ErdState(neutral, tuple(styles))
+                extra, *styles = (part.index_put(place, new) for part, new in zip((extra, *styles), own))
+        return torch.cat((base, extra.transpose(1, 2)), 2), ErdState(neutral, tuple(styles))
 
     def say(self, heard: Tensor, wanted: Tensor) -> Tensor:
         """The decoder's answer in the styles wanted, [B, F, 7J]; heard: of `listen`.

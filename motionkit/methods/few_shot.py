@@ -345,5 +345,5 @@ class FewShot:
         if body.skeleton is not given.skeleton:
             body = on_body(body, given)
         if len(body) != len(given):
-            body = body.at(torch.arange(len(given), dtype=torch.float64) * (self.prior.fps / given.fps), True)
+            body = body.at(torch.arange(len(given), dtype=torch.float64) * (self.prior.fps / given.fps), smooth=True)
         return placed(body.replace(fps=given.fps), given)
