@@ -11,7 +11,7 @@ IN := $(VENV)/bin/python
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-diffusion bench-few-shot bench-few-shot-held-back bench-few-shot-why bench-io bench-style-erd bench-style-erd-captures bench-style-erd-longer fuzz pins clean
+.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-diffusion bench-few-shot bench-few-shot-held-back bench-few-shot-why bench-io bench-style-erd bench-style-erd-captures fuzz pins clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-24s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -65,9 +65,6 @@ bench-style-erd: $(READY) ## measure Style-ERD (paper 2) into results/style-erd.
 
 bench-style-erd-captures: $(READY) ## Style-ERD on Bandai-2, into results/style-erd-captures.json
 	$(IN) tools/bench_style_erd_captures.py
-
-bench-style-erd-longer: $(READY) ## a row of its table 1 trained longer, into results/style-erd-longer.json
-	$(IN) tools/bench_style_erd_longer.py
 
 fuzz: $(READY) ## nightly: the BVH reader against 20,000 broken files
 	MOTIONKIT_FUZZ=20000 $(IN) -m pytest -q tests/test_bvh_fuzz.py

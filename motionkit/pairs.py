@@ -109,8 +109,9 @@ class NeutralPairs:
     """The neutral clips of a data set, and for any clip its pair among them (paper 1, section 6.2, "KNN+DTW").
 
     library: a Dataset with contents and styles, one of them `neutral` or `normal`; left out, the training part of
-    `actor`, made when it is first needed. What was found is remembered, so that each clip is searched for once. Raises
-    MotionKitError if the library is no dataset or has no neutral clips.
+    `actor`, made when it is first needed. smooth: between its frames, a clip follows splines. What was found is
+    remembered, so that each clip is searched for once. Raises MotionKitError if the library is no dataset or has no
+    neutral clips.
 
     >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
     >>> walk = Item("walk", Labels("walk", "neutral", ()), BvhSource.at("data/actor/walk_neutral.bvh"))
@@ -120,8 +121,8 @@ class NeutralPairs:
     Motion('walk, for walk_old', 161 frames at 30 fps, 5.4 s, 22 joints)
     """
 
-    def __init__(self, library: Dataset | None = None) -> None:
-        self._library = library
+    def __init__(self, library: Dataset | None = None, smooth: bool = False) -> None:
+        self._library, self._smooth = library, smooth
         self._clips, self._movements, self._pairs = Memory(4096), Memory(4096), Memory()
         if library is not None:
             self._check(library)
@@ -189,10 +190,10 @@ class NeutralPairs:
                 "library of such bodies, as mk.methods.load('knn-dtw', library=dataset)"
             ) from None
         number, frames = self._nearest(movement(seen), numbers, motion.fps)
-        return Pair(seen, self._at_rate(number, motion.fps).at(frames))
+        return Pair(seen, self._at_rate(number, motion.fps).at(frames, smooth=self._smooth))
 
     def _at_rate(self, number: int, fps: float) -> Motion:
-        return self.clip(number).resample(fps)
+        return self.clip(number).resample(fps, smooth=self._smooth)
 
     def _nearest(self, wanted: Tensor, numbers: list[int], fps: float) -> tuple[int, Tensor]:
         """The clip that a motion's movement [F, 6J] goes through most cheaply, and its frames [F]."""

@@ -1,5 +1,7 @@
 """A small Style-ERD with chance weights, for tests of what is around it."""
 
+from dataclasses import replace
+
 import torch
 from torch import nn
 
@@ -11,10 +13,10 @@ from motionkit.layers import ErdConfig, StyleErd
 STYLES, CONTENTS = ("neutral", "old", "proud"), ("walk", "jump")
 
 
-def small_model(fps: float = 30.0, labels: bool = False) -> ErdModel:
+def small_model(fps: float = 30.0, labels: bool = False, skip: bool = False) -> ErdModel:
     """Of three styles and two contents, somewhere near rest."""
     torch.manual_seed(0)
-    net = StyleErd(22, len(CONTENTS), len(STYLES), ErdConfig.tiny()).eval()
+    net = StyleErd(22, len(CONTENTS), len(STYLES), replace(ErdConfig.tiny(), skip=skip)).eval()
     with torch.no_grad():
         for branch in (net.neutral, net.residual):
             nn.init.normal_(branch.hidden)

@@ -1,5 +1,7 @@
 """The quick step for streams gives the network's numbers, for one stream and many, whatever is asked for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -8,8 +10,10 @@ from torch import nn
 from motionkit.erd.fast import FastErd
 from motionkit.layers import ErdConfig, StyleErd
 
+SIZES = [ErdConfig.tiny(), ErdConfig.paper(), ErdConfig((8,), 6, 2, 2, (8,))]
 
-@pytest.fixture(params=[ErdConfig.tiny(), ErdConfig.paper(), ErdConfig((8,), 6, 2, 2, (8,))])
+
+@pytest.fixture(params=[*SIZES, *(replace(one, skip=True) for one in SIZES)])
 def net(request):
     torch.manual_seed(0)
     made = StyleErd(joints=5, contents=3, styles=4, config=request.param).eval()

@@ -94,8 +94,9 @@ def test_labels_are_guessed_and_a_clip_may_lend_its_style(walk):
     assert torch.equal(lent.rotations, named.rotations) and lent.name == f"{walk.name} as {walk.name}"
 
 
-def test_a_new_branch_stands_beside_the_others_which_stay(method, walk):
-    model = method.model
+@pytest.mark.parametrize("skip", [False, True])
+def test_a_new_branch_stands_beside_the_others_which_stay(skip):
+    model = small_model(skip=skip)
     branch = NewBranch(model.network, like=2)
     with torch.no_grad():
         branch.told += 0.3
@@ -106,6 +107,15 @@ def test_a_new_branch_stands_beside_the_others_which_stay(method, walk):
         assert torch.allclose(*same, atol=1e-5)
     new = wider(x, content, style, wider.weights_of(torch.tensor([3])))[0]
     assert torch.allclose(new, branch(x, content, style), atol=1e-5)
+
+
+def test_with_a_skip_who_is_told_in_his_own_style_moves_as_he_did(walk):
+    method = StyleErdMethod(small_model(skip=True))
+    played = walk.resample(30.0)
+    for asked in ({"style": "neutral"}, {"style": "old", "strength": 0.0}):
+        made = method.stylize(played, lock=False, **asked, **SAID)
+        assert (made.positions() - played.positions())[1:, 1:].norm(dim=-1).max() < 0.01
+    assert (method.stylize(played, "old", lock=False, **SAID).positions() - played.positions()).abs().max() > 0.02
 
 
 def test_one_clip_teaches_a_style_more(walk):

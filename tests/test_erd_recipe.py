@@ -12,7 +12,8 @@ from motionkit.erd import recipe as recipes
 from motionkit.erd.commands import measured, train_model
 from motionkit.erd.frames import frames_of, lowest_foot, placed_positions, split
 from motionkit.erd.labels import Guesses, Labeller, hits, train_labels
-from motionkit.erd.recipe import ABLATIONS, Course, ErdRecipe, Pair, Pieces, train_contents, train_erd
+from motionkit.erd.pieces import Pieces
+from motionkit.erd.recipe import ABLATIONS, Course, ErdRecipe, Pair, train_contents, train_erd
 from motionkit.layers import ErdConfig, FtAttCritic, MultiClassCritic, StyleErd
 
 SMALL = ErdRecipe(ErdConfig.tiny(), steps=4, batch=6, rate=1e-3, fps=30.0)
@@ -70,6 +71,69 @@ def test_a_run_up_is_what_the_clip_did_before_the_window(data, course):
     assert {one.back() for _ in range(9) for one in (course, cycle)} == {0}
 
 
+@pytest.fixture(scope="module")
+def twins(data):
+    pieces = Pieces.of(data, 30.0, registered=True)
+    return Course(pieces, data[0].motion.skeleton, train_contents(pieces, 22, steps=2, title=""), SMALL)
+
+
+def test_twins_do_the_same_in_step(data, course, twins):
+    pieces, plain = twins.pieces, course.pieces
+    assert torch.equal(pieces.x[: pieces.recorded], plain.x) and plain.recorded == len(plain.x)
+    assert (plain.twin == -1).all()
+    walks = torch.nonzero(pieces.style)[:, 0]
+    assert len(pieces.x) - pieces.recorded == len(walks) and (pieces.twin[walks] >= pieces.recorded).all()
+    warped = torch.arange(pieces.recorded, len(pieces.x))
+    assert torch.equal(pieces.twin[pieces.twin[warped]], warped) and not pieces.style[warped].any()
+    for labels in (pieces.content, pieces.earlier):
+        assert torch.equal(labels[warped], labels[pieces.twin[warped]])
+    feet = list(twins.skeleton.feet())
+    windows = pieces.x[walks], pieces.x[pieces.twin[walks]]
+    ahead = [x[..., 88:154].unflatten(-1, (22, 3))[:, :, feet, 2] for x in windows]
+    together, chance = ((ahead[0] - other).abs().mean() for other in (ahead[1], ahead[1].roll(1, 0)))
+    assert together < 0.7 * chance  # the same foot is in front
+
+
+def test_a_clip_that_nobody_does_neutrally_has_no_twin(data):
+    kinds = [("walk", "neutral"), ("kick", "old")]
+    clips = [Item(c, Labels(c, s, ()), BvhSource.at(f"data/actor/walk_{s}.bvh")) for c, s in kinds]
+    pieces = Pieces.of(of_items("mine", clips), 30.0, registered=True)
+    assert (pieces.twin == -1).all() and pieces.recorded == len(pieces.x)
+
+
+def test_who_has_a_twin_is_told_in_its_style_and_critics_see_recordings_alone(twins):
+    pieces = twins.pieces
+    torch.manual_seed(0)
+    for _ in range(10):
+        chosen, wanted = twins.draw()
+        twin = pieces.twin[chosen]
+        assert torch.equal(wanted[twin >= 0], pieces.style[twin[twin >= 0]])
+    assert max(int(rows.max()) for rows in (*twins.members.values(), *twins.by_style.values())) < pieces.recorded
+
+
+@torch.no_grad()
+def test_a_twin_is_the_right_answer_and_costs_nothing(twins, pair):
+    """The loss is 0 where the twin is told, by hand what it is elsewhere, and counts by its weight."""
+    pieces, joints = twins.pieces, 22
+    chosen = torch.cat((torch.nonzero(pieces.twin >= 0)[:5, 0], torch.nonzero(pieces.twin < 0)[:1, 0]))
+    offsets = pieces.offsets[chosen][:, None]
+
+    def place(turns):
+        return placed_positions(twins.skeleton, offsets, turns, torch.zeros(turns.shape[:2]))
+
+    right = pieces.x[pieces.twin[chosen]]
+    turns, speeds = (part.unflatten(-1, (joints, -1)) for part in (right[..., :88], right[..., -66:]))
+    assert twins._unlike_twins(chosen, False, place, place(turns), (turns, speeds)).abs().max() < 1e-3
+    off = twins._unlike_twins(chosen, False, place, place(turns), (turns, speeds + 0.5))
+    assert torch.allclose(off[:5], torch.full((5, 24), 0.25 * 3 * joints), atol=1e-2) and not off[5].any()
+    found = []
+    for weight in (0.0, 1.0, 2.0):
+        torch.manual_seed(3)
+        rec = replace(SMALL, adversarial=False, perceptual=False, registered=weight)
+        found.append(float(Course(pieces, twins.skeleton, twins.contents, rec).loss(pair)))
+    assert found[2] - found[1] == pytest.approx(found[1] - found[0], rel=1e-3) and found[1] > found[0]
+
+
 def test_with_a_run_up_it_learns_from_the_middle_of_streams(course, pair, monkeypatch):
     seen, longer = [], Course(course.pieces, course.skeleton, course.contents, replace(SMALL, run_up=2))
     monkeypatch.setattr(Course, "back", lambda self: 2)
@@ -101,6 +165,24 @@ def test_what_trembles_costs_where_steadiness_counts(course, pair):
     off = placed_positions(course.skeleton, course.pieces.offsets[chosen][:, None], turns, low) - came
     moved = 3.0 * (off.diff(dim=1) * (30.0 / 10)).square().sum((1, 2, 3)).mean()
     assert found[1] - found[0] == pytest.approx(float(moved), rel=1e-4) and moved > 0
+
+
+@torch.no_grad()
+def test_with_a_skip_the_network_learns_what_comes_out_of_it(course, pair):
+    """Told in its own style a window comes back whole, whatever the network says; and that is what is judged."""
+    pieces, rows = course.pieces, torch.arange(4)
+    skip = StyleErd(22, len(pieces.contents), len(pieces.styles), replace(SMALL.config, skip=True))
+    x, content, style = (part[rows] for part in (pieces.x, pieces.content, pieces.style))
+    other = (style + 1) % len(pieces.styles)
+    heard, _ = skip.listen(x, content, style)
+    _, same = course._answers(skip, x, heard, style, style)
+    assert torch.allclose(same[1].flatten(2), x[..., 154:], atol=1e-5)
+    turns = x[..., :88].unflatten(-1, (22, 4))
+    assert erd.quaternion_loss(same[0], turns).max() < 1e-4
+    rebuilt, told = course._answers(skip, x, heard, style, other)
+    whole = split(skip(x, content, style, skip.weights_of(other))[0])
+    assert all(torch.allclose(a, b, atol=1e-5) for a, b in zip(told, whole))
+    assert erd.quaternion_loss(rebuilt[0], turns).min() > 1e-2
 
 
 def test_neutral_goes_to_any_style_that_its_content_has_and_styles_to_neutral(course):
@@ -144,11 +226,12 @@ def test_the_critic_has_a_rate_of_its_own(course, pair):
 
 
 def test_table_1_has_its_rows_and_each_leaves_out_its_part(data, course, monkeypatch):
-    full = ErdRecipe.laptop()
+    full = replace(ErdRecipe.laptop(), registered=0.0, config=ErdConfig.paper())
     assert list(ABLATIONS) == [
         "ours", "L_gen = L_rec", "L_gen = L_rec + L_adv", "L_gen = L_rec + L_per", "without attention",
-        "without learned beginnings",
+        "without learned beginnings", "ours + twins", "ours + twins + skip",
     ]  # fmt: skip
+    assert ABLATIONS["ours + twins + skip"] == ErdRecipe.laptop()
     assert ABLATIONS["ours"] == full and ABLATIONS["L_gen = L_rec + L_adv"] == replace(full, perceptual=False)
     made = []
     for cls in (FtAttCritic, MultiClassCritic):

@@ -21,9 +21,9 @@ def walk():
     return perform("walk", "neutral", seed=2, seconds=2.0).motion
 
 
-@pytest.fixture(scope="module")
-def model():
-    return small_model()
+@pytest.fixture(scope="module", params=[False, True], ids=["paper", "skip"])
+def model(request):
+    return small_model(skip=request.param)
 
 
 def whole(model, motion, wanted, content="walk", own="neutral"):
@@ -44,6 +44,8 @@ def test_quick_kinematics_and_facing(walk):
     turned = walk.moved(2.5)
     body, places = QuickBody(walk.skeleton), turned.positions()
     assert np.abs(body.places(turned.rotations.numpy(), turned.translations.numpy()) - places.numpy()).max() < 1e-5
+    low = body.lowest_of(turned.rotations.numpy(), turned.translations.numpy())
+    assert np.abs(low - body.lowest(places.numpy())).max() < 1e-5
     gap = torch.from_numpy(body.facing(places.numpy())) - turned.facing()
     assert float(torch.sin(gap).abs().max()) < 1e-5 and float(torch.cos(gap).min()) > 0.99
 
@@ -203,7 +205,7 @@ def given(stream, wishes):
     for wish in wishes:
         if wish is not None:
             stream.style = wish
-        shares.append(stream._followed()[0].copy())
+        shares.append(stream._followed(stream._wanted[None])[0, 0].copy())
     return np.stack(shares)
 
 

@@ -1,10 +1,13 @@
 """Paper 2's networks: LSTMs against PyTorch's, streams against whole clips, mixes, beginnings, critics."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from torch import nn
 
 import motionkit as mk
+from motionkit import rotations as rot
 from motionkit.layers import Branches, ContentNet, ErdConfig, FtAttCritic, MultiClassCritic, StyleErd, attended
 
 CONTENT, STYLE = torch.tensor([0, 2]), torch.tensor([0, 1])
@@ -50,6 +53,28 @@ def test_training_hears_only_what_it_needs(net):
     then = net.hear(x, content, both[0], needed, after)[0]
     assert torch.allclose(then, net.hear(x, content, both[0], needed, whole)[0], atol=1e-6)
     assert not torch.allclose(then, few, atol=1e-3)
+
+
+@torch.no_grad()
+def test_what_is_lost_is_put_back(net):
+    """In its own style a frame comes back as it was; in another it differs by what the network's two answers do."""
+    skip = StyleErd(5, 3, 4, replace(ErdConfig.tiny(), skip=True))
+    skip.load_state_dict(net.state_dict())
+    x = torch.randn(2, 6, 50)
+    x[..., :20] = rot.normalize(x[..., :20].unflatten(-1, (5, 4))).flatten(-2)
+    same, other = net.weights_of(STYLE), net.weights_of(torch.tensor([3, 2]))
+    back = skip(x, CONTENT, STYLE, same)[0]
+    angles = rot.quaternion_angle(*(part[..., :20].unflatten(-1, (5, 4)) for part in (back, x)))
+    assert angles.max() < 1e-3 and torch.allclose(back[..., 20:], x[..., 35:], atol=1e-5)
+    made, told, rebuilt = skip(x, CONTENT, STYLE, other)[0], *(net(x, CONTENT, STYLE, w)[0] for w in (other, same))
+    assert torch.allclose(made[..., 20:] - x[..., 35:], told[..., 20:] - rebuilt[..., 20:], atol=1e-5)
+    made, told, rebuilt, came = (y[..., :20].unflatten(-1, (5, 4)) for y in (made, told, rebuilt, x))
+    turned = rot.quaternion_multiply(made, rot.quaternion_inverse(came))
+    asked = rot.quaternion_multiply(rot.normalize(told), rot.quaternion_inverse(rot.normalize(rebuilt)))
+    assert rot.quaternion_angle(turned, asked).max() < 1e-3
+    whole, last = skip(x, CONTENT, STYLE, other)
+    first, state = skip(x[:, :2], CONTENT, STYLE, other)
+    assert torch.allclose(torch.cat((first, skip(x[:, 2:], CONTENT, STYLE, other, state)[0]), 1), whole, atol=1e-5)
 
 
 def test_gates_may_be_open_at_first():

@@ -14,7 +14,8 @@ from ..training import Schedule, in_main
 from .frames import placed_positions, split
 from .labels import FRAMES, hits, train_labels
 from .model import ErdModel
-from .recipe import ErdRecipe, Pieces, train_erd
+from .pieces import Pieces
+from .recipe import ErdRecipe, train_erd
 
 _LABEL_STEPS = 1500
 
@@ -41,11 +42,12 @@ def train_model(
 def measured(model: ErdModel, data: Dataset) -> dict[str, float]:
     """How far a model is right on clips that it has not learned from.
 
-    `rebuilt_mm`: how far joints are from those of the input, from the pelvis, where the style that it has is asked for,
-    mean over windows of `labels.FRAMES` frames. The others are `labels.hits`.
+    `rebuilt_mm`: how far joints are from those of the input, from the pelvis, where the style that it has is asked for
+    and nothing is put back, mean over windows of `labels.FRAMES` frames. The others are `labels.hits`.
     """
     pieces, joints = Pieces.of(data, model.fps, FRAMES), len(model.skeleton)
-    said, _ = model.network(pieces.x, pieces.content, pieces.style, model.network.weights_of(pieces.style))
+    network = model.network
+    said = network.say(network.listen(pieces.x, pieces.content, pieces.style)[0], network.weights_of(pieces.style))
     places = []
     for turns in (split(said)[0], pieces.x[..., : 4 * joints].unflatten(-1, (joints, 4))):
         standing = placed_positions(model.skeleton, pieces.offsets[:, None], turns, torch.zeros(turns.shape[:2]))

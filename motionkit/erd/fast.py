@@ -30,6 +30,7 @@ class FastErd:
     def __init__(self, network: StyleErd) -> None:
         self.contents, self.styles, self.size = network.contents, network.styles, network.config.latent
         self.encoder, self.decoder = (_layers(part) for part in (network.encoder, network.decoder))
+        self.skip, self._turns = network.config.skip, slice(4 * network.joints)
         self._root = slice(4 * network.joints, 4 * network.joints + 3)  # of an answer, the root's velocity
         neutral, residual = _weights(network.neutral), _weights(network.residual)
         together = min(len(neutral), len(residual))
@@ -57,8 +58,12 @@ class FastErd:
         style: np.ndarray,
         wanted: np.ndarray,
         state: list[tuple[np.ndarray, np.ndarray]],
+        own: np.ndarray | None = None,
     ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-        """One frame of every stream: x [B, 10J], labels [B], wanted [B, S] to [B, 7J], and the state after it."""
+        """One frame of every stream: x [B, 10J], labels [B], wanted [B, S] to [B, 7J], and the state after it.
+
+        own: [B, S], how much of each style the frames are taken to have where they are rebuilt; left out, all of one.
+        """
         count = len(x)
         told = np.zeros((count, self.styles + self.contents), np.float32)
         told[np.arange(count), style] = 1
@@ -73,11 +78,29 @@ class FastErd:
             h, cell = _cell(weights, h, before, cell)
             kept.append((h, cell))
         heard = h[1:] if heard is None else heard
-        y = self._decoded(h[0] + np.einsum("bs,sbh->bh", wanted[:, 1:], heard), wanted)
+        if not self.skip:
+            return self._said(h[0], heard, wanted), kept
+        own = told[:, : self.styles] if own is None else own
+        twice = np.concatenate((h[0], h[0])), np.concatenate((heard, heard), 1), np.concatenate((wanted, own))
+        both = self._said(*twice)
+        return self._put_back(x, both[:count], both[count:]), kept
+
+    def _said(self, plain: np.ndarray, heard: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """The answers [B, 7J] of branches, neutral [B, H] and styles [S - 1, B, H], in the styles wanted [B, S]."""
+        y = self._decoded(plain + np.einsum("bs,sbh->bh", wanted[:, 1:], heard), wanted)
         mixed = ((wanted != 0) & (wanted != 1)).any(1)
         if mixed.any():
-            y[mixed, self._root] = self._ways(h[0][mixed], heard[:, mixed], wanted[mixed])
-        return y, kept
+            y[mixed, self._root] = self._ways(plain[mixed], heard[:, mixed], wanted[mixed])
+        return y
+
+    def _put_back(self, x: np.ndarray, told: np.ndarray, rebuilt: np.ndarray) -> np.ndarray:
+        """As `layers.put_back`."""
+        turns = self._turns
+        other, own, came = (one[:, turns].reshape(len(x), -1, 4) for one in (told, rebuilt, x))
+        lost = _product(own * _BACK, came)
+        lost *= np.where(lost[..., :1] < 0, np.float32(-1), np.float32(1))
+        speeds = told[:, turns.stop :] + x[:, turns.stop // 4 * 7 :] - rebuilt[:, turns.stop :]
+        return np.concatenate((_product(other, lost).reshape(len(x), -1), speeds), 1)
 
     def _ways(self, plain: np.ndarray, heard: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """The root's velocities [B, 3] of mixes: what each style says alone, mixed; see `StyleErd.say`."""
@@ -95,6 +118,20 @@ class FastErd:
             if n < len(self.decoder) - 1:
                 y = np.maximum(y, 0)
         return y
+
+
+_BACK = np.float32([1, -1, -1, -1])
+_HAMILTON = np.zeros((4, 4, 4), np.float32)  # of w x y z: a b is the sum over i, k of a_i _HAMILTON[i, j, k] b_k
+for _i, _j, _k, _sign in (
+    (0, 0, 0, 1), (1, 0, 1, -1), (2, 0, 2, -1), (3, 0, 3, -1), (0, 1, 1, 1), (1, 1, 0, 1), (2, 1, 3, 1), (3, 1, 2, -1),
+    (0, 2, 2, 1), (1, 2, 3, -1), (2, 2, 0, 1), (3, 2, 1, 1), (0, 3, 3, 1), (1, 3, 2, 1), (2, 3, 1, -1), (3, 3, 0, 1),
+):  # fmt: skip
+    _HAMILTON[_i, _j, _k] = _sign
+
+
+def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The quaternion product, of [B, J, 4]: as a matrix times a vector, quicker than sixteen products."""
+    return ((a @ _HAMILTON.reshape(4, 16)).reshape(*a.shape, 4) @ b[..., None])[..., 0]
 
 
 def _cell(weights: np.ndarray, x: np.ndarray, h: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from ..training import Schedule, fit
-from .recipe import Pieces
+from .pieces import Pieces
 
 FRAMES = 120  # of the windows that it learns from
 _CALM = 0.1  # how much of a guess a new frame changes, so that labels do not flicker
@@ -85,7 +85,7 @@ def _shares(scores: np.ndarray) -> np.ndarray:
 
 
 def train_labels(pieces: Pieces, joints: int, steps: int = 1500, seed: int = 0, **running) -> Labeller:
-    """Teach it on windows, see `recipe.Pieces`; every frame counts, the first ones too. running: of `training.fit`."""
+    """Teach it on windows, see `pieces.Pieces`; every frame counts, the first ones too. running: of `training.fit`."""
     torch.manual_seed(seed)
     net = Labeller(joints, len(pieces.contents), len(pieces.styles))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -95,7 +95,7 @@ class ErdModel:
         """From what `save` wrote; MotionKitError if the files are damaged, of another kind or of other sizes."""
         tensors, card = checkpoints.load(path, "style-erd")
         config = checkpoints.config_of(path, card, ErdConfig)
-        config = ErdConfig(tuple(config.encoder), config.latent, config.neutral, config.style, tuple(config.decoder))
+        config = replace(config, encoder=tuple(config.encoder), decoder=tuple(config.decoder))
         skeleton = checkpoints.skeleton_of(card["skeleton"])
         contents, styles = tuple(card["contents"]), tuple(card["styles"])
         sizes, labeller = (len(skeleton), len(contents), len(styles)), None

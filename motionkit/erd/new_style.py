@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from ..errors import MotionKitError
 from ..layers import StyleErd
 from ..layers.critics import WINDOW
-from ..layers.style_erd import Branches
+from ..layers.style_erd import Branches, put_back
 from ..motion import Motion
 from ..training import Run, Schedule, fit
 from .frames import Frames, begun, frames_of, lowest_foot, placed_positions, split
@@ -49,12 +49,20 @@ class NewBranch(nn.Module):
         self.began = tuple(value.detach().clone() for value in self.parameters())
 
     def forward(self, x: Tensor, content: Tensor, style: Tensor) -> Tensor:
-        """Frames x [B, F, 10J] with labels long [B], to [B, F, 7J] in the new style."""
+        """Neutral frames x [B, F, 10J] with labels long [B], to [B, F, 7J] in the new style."""
         net = self.network[0]
         z = net.encode(x, content, style)
-        mixed = net.neutral(z, net.neutral.begin(content))[0] + self.branch(z, self.branch.begin(content * 0))[0]
-        first, *rest = net.decoder
-        y = nn.functional.linear(mixed[:, :, 0], first.weight[:, : net.config.latent], first.bias) + self.told
+        plain = net.neutral(z, net.neutral.begin(content))[0][:, :, 0]
+        added = self.branch(z, self.branch.begin(content * 0))[0][:, :, 0]
+        told = self._decoded(plain + added, self.told)
+        if not net.config.skip:
+            return told
+        return put_back(x, told, self._decoded(plain, net.decoder[0].weight[:, net.config.latent]))
+
+    def _decoded(self, mixed: Tensor, told: Tensor) -> Tensor:
+        """The decoder's answer [B, F, 7J] to branches [B, F, H]; told: what its first layer makes of the style."""
+        first, *rest = self.network[0].decoder
+        y = nn.functional.linear(mixed, first.weight[:, : mixed.shape[2]], first.bias) + told
         for layer in rest:
             y = layer(y)
         return y

@@ -10,14 +10,12 @@ from torch import Tensor, nn
 from torch.func import functional_call
 
 from ..datasets import Dataset
-from ..errors import MotionKitError
 from ..layers import ContentNet, ErdConfig, FtAttCritic, MultiClassCritic, StyleErd
-from ..layers.critics import WINDOW
-from ..pairs import NEUTRAL
+from ..layers.style_erd import put_back
 from ..restyling import body_of
 from ..skeleton import Skeleton
 from ..training import Run, Schedule, fit
-from .frames import TENTH, begun, frames_of, lowest_foot, placed_positions, split
+from .frames import TENTH, lowest_foot, placed_positions, split
 from .losses import (
     adversarial_loss,
     critic_loss,
@@ -27,8 +25,7 @@ from .losses import (
     perceptual_loss,
     rebuilding_loss,
 )
-
-OVERLAP = 4  # frames of two windows (paper 2, section 4.1)
+from .pieces import Pieces
 
 
 @dataclass(frozen=True)
@@ -42,8 +39,9 @@ class ErdRecipe:
     not the beginning of a stream; their memory comes from up to so many earlier windows (beyond the paper, where each
     window begins anew). opened: added to the biases of the gates that take and give before training, so that more
     gets through deep stacks from the first step on. steady: how much it counts that rebuilt positions move from frame
-    to frame as those that came in do, or they tremble (beyond the paper). `paper()` is as published, `laptop()` has the
-    same parts and sizes.
+    to frame as those that came in do, or they tremble (beyond the paper). registered: how much it counts that a window
+    with a twin (see `Pieces`) is told as that one; the paper needs pairs, but none in step. `paper()` is as published,
+    `laptop()` has the same parts and sizes.
     """
 
     config: ErdConfig = ErdConfig()
@@ -60,6 +58,7 @@ class ErdRecipe:
     run_up: int = 0
     opened: float = 0.0
     steady: float = 0.0
+    registered: float = 0.0
 
     @classmethod
     def paper(cls, windows: int) -> ErdRecipe:
@@ -68,79 +67,22 @@ class ErdRecipe:
 
     @classmethod
     def laptop(cls) -> ErdRecipe:
-        """Larger batches and rates, fewer steps, run-ups, open gates, steadiness; cards say how long it took."""
-        return cls(steps=9000, batch=64, rate=3e-3, run_up=9, opened=1.5, steady=3.0)
+        """Larger batches and rates, fewer steps; run-ups, open gates, steadiness, twins, what is lost is put back."""
+        beyond = {"run_up": 9, "opened": 1.5, "steady": 8.0, "registered": 1.0, "config": ErdConfig(skip=True)}
+        return cls(steps=16000, batch=64, rate=3e-3, **beyond)
 
 
-_FULL = ErdRecipe.laptop()
-ABLATIONS = {  # the rows of paper 2's table 1, each one call
+_FULL = replace(ErdRecipe.laptop(), registered=0.0, config=ErdConfig())
+ABLATIONS = {  # the rows of paper 2's table 1, each one call, and two of which the paper knows nothing
     "ours": _FULL,
     "L_gen = L_rec": replace(_FULL, adversarial=False, perceptual=False),
     "L_gen = L_rec + L_adv": replace(_FULL, perceptual=False),
     "L_gen = L_rec + L_per": replace(_FULL, adversarial=False),
     "without attention": replace(_FULL, attention=False),
     "without learned beginnings": replace(_FULL, beginnings=False),
+    "ours + twins": replace(_FULL, registered=ErdRecipe.laptop().registered),
+    "ours + twins + skip": ErdRecipe.laptop(),
 }
-
-
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """Windows of a labelled dataset, of WINDOW frames each if nothing else is asked for.
-
-    x: [N, F, 10J], each as the beginning of a stream, see `frames.begun`. going: [N, 3J], the velocities of the first
-    frame, where it is none. earlier: long [N], how many windows of the same clip come before it. offsets: [N, J, 3] of
-    each body; content, style: long [N], the neutral style 0.
-    """
-
-    x: Tensor
-    going: Tensor
-    earlier: Tensor
-    offsets: Tensor
-    content: Tensor
-    style: Tensor
-    contents: tuple[str, ...]
-    styles: tuple[str, ...]
-
-    @classmethod
-    def of(cls, data: Dataset, fps: float, frames: int = WINDOW) -> Pieces:
-        """All windows of all clips; MotionKitError where no style is neutral, or no clip is long enough."""
-        plain = [style for style in data.styles if style in NEUTRAL]
-        if not plain:
-            raise MotionKitError(f"Style-ERD needs a neutral style; dataset {data.name!r} has {', '.join(data.styles)}")
-        styles = (*plain[:1], *(style for style in data.styles if style not in plain))
-        rows: list[tuple] = []
-        for clip in data:
-            motion = body_of(clip.motion)
-            x = frames_of(motion if abs(motion.fps - fps) < 1e-3 else motion.resample(fps, smooth=True)).x
-            labels = data.contents.index(clip.content), styles.index(clip.style)
-            for k, start in enumerate(range(0, len(x) - frames + 1, frames - OVERLAP)):
-                rows.append((x[start : start + frames], k, motion.translations[0], *labels))
-        if not rows:
-            raise MotionKitError(f"no clip of {data.name!r} has {frames} frames at {fps:g} a second")
-        x, earlier, offsets, content, style = zip(*rows)
-        x, joints, numbers = torch.stack(x), len(offsets[0]), map(torch.tensor, (content, style))
-        earlier = torch.tensor(earlier)
-        going = x[torch.arange(len(x)), (earlier == 0).long(), -3 * joints :]  # a clip's first frame knows none
-        return cls(begun(x, joints), going, earlier, torch.stack(offsets), *numbers, tuple(data.contents), styles)
-
-    def amid(self, rows: Tensor) -> Tensor:
-        """Windows [..., F, 10J] as they are in the middle of a stream, by their numbers, long [...]."""
-        x = self.x[rows].clone()
-        x[..., 0, -self.going.shape[1] :] = self.going[rows]
-        return x
-
-    def run_up(self, chosen: Tensor, back: int) -> Tensor:
-        """The frames before windows, long [B], from the beginning of the `back`-th window before: [B, R, 10J]."""
-        rows = chosen[:, None] - torch.arange(back, 0, -1)
-        x = self.amid(rows)[:, :, :-OVERLAP].flatten(1, 2)
-        return begun(x, x.shape[2] // 10)
-
-    def members(self) -> dict[tuple[int, int], Tensor]:
-        """The windows of every content and style."""
-        found: dict[tuple[int, int], list[int]] = {}
-        for n, kind in enumerate(zip(self.content.tolist(), self.style.tolist())):
-            found.setdefault(kind, []).append(n)
-        return {kind: torch.tensor(own) for kind, own in found.items()}
 
 
 class Pair(nn.Module):
@@ -173,8 +115,8 @@ class Course:
     def draw(self, back: int = 0) -> tuple[Tensor, Tensor]:
         """Windows by chance, long [B], and the style that each is to be told in, long [B] (paper 2, section 3.2).
 
-        Neutral ones go to any other style that has this content, styled ones to neutral. With a cycle the content does
-        not matter. back: how many windows there must be before each.
+        Neutral ones go to any other style that has this content, styled ones to neutral, and who has a twin to its
+        style. With a cycle the content does not matter. back: how many windows there must be before each.
         """
         able = torch.nonzero(self.pieces.earlier >= back)[:, 0]
         chosen = able[torch.randint(len(able), (self.recipe.batch,))]
@@ -182,7 +124,8 @@ class Course:
         for content, style in zip(self.pieces.content[chosen].tolist(), self.pieces.style[chosen].tolist()):
             others = sorted({s for c, s in self.members if s != 0 and (c == content or self.recipe.cycle)})
             wanted.append(others[int(torch.rand(()) * len(others))] if style == 0 and others else 0)
-        return chosen, torch.tensor(wanted)
+        twin, wanted = self.pieces.twin[chosen], torch.tensor(wanted)
+        return chosen, torch.where(twin < 0, wanted, self.pieces.style[twin])
 
     @cached_property
     def members(self) -> dict[tuple[int, int], Tensor]:
@@ -192,7 +135,8 @@ class Course:
     @cached_property
     def by_style(self) -> dict[int, Tensor]:
         """The windows of every style."""
-        return {s: torch.nonzero(self.pieces.style == s)[:, 0] for s in set(self.pieces.style.tolist())}
+        style = self.pieces.style[: self.pieces.recorded]
+        return {s: torch.nonzero(style == s)[:, 0] for s in set(style.tolist())}
 
     def back(self) -> int:
         """How many windows a batch's memory comes from: for half of them none, nor for cycles; else up to `run_up`."""
@@ -225,18 +169,15 @@ class Course:
             with torch.no_grad():
                 state = net.hear(self.pieces.run_up(chosen, back), content, style, needed)[1]
         heard, _ = net.hear(x, content, style, needed, state)
-        rebuilt, told = (split(net.say(heard, net.weights_of(own))) for own in (style, target))
+        rebuilt, told = self._answers(net, x, heard, style, target)
         made = place(told[0])
-        places = place(rebuilt[0])
-        rebuilding = rebuilding_loss((came[0], rebuilt[0]), (came[1], places), (came[2], rebuilt[1]))
-        if recipe.steady:
-            off = places - came[1]
-            trembling = off.diff(dim=1, prepend=off[:, :1]) * (recipe.fps / TENTH)
-            rebuilding = rebuilding + recipe.steady * trembling.square().sum((-2, -1))
+        rebuilding = self._missed(came, (rebuilt[0], place(rebuilt[0]), rebuilt[1]))
+        if recipe.registered:
+            rebuilding = rebuilding + recipe.registered * self._unlike_twins(chosen, back > 0, place, made, told)
         fake = torch.cat((made.flatten(2), told[1].flatten(2)), 2)
         after = torch.cat((told[0].flatten(2), fake), 2)
         if recipe.cycle:
-            again = split(net.say(net.hear(after, content, target, needed)[0], net.weights_of(style)))
+            again = self._answers(net, after, net.hear(after, content, target, needed)[0], target, style)[1]
             returned = rebuilding_loss((came[0], again[0]), (came[1], place(again[0])), (came[2], again[1]))
             rebuilding = rebuilding + recipe.cycle * returned
         nothing = x.new_zeros(())
@@ -244,6 +185,29 @@ class Course:
         kept = perceptual_loss(self.contents(x)[1], self.contents(after)[1]) if recipe.perceptual else nothing
         total = generator_total(rebuilding, adversarial, kept)
         return total + self._critics(pair, fake.detach(), target, content, back > 0) if recipe.adversarial else total
+
+    @staticmethod
+    def _answers(net: StyleErd, x: Tensor, heard: Tensor, own: Tensor, other: Tensor) -> list[tuple]:
+        """What is said of frames x in their own style, and, with what that loses put back, in another."""
+        rebuilt, told = (net.say(heard, net.weights_of(style)) for style in (own, other))
+        return [split(rebuilt), split(put_back(x, told, rebuilt) if net.config.skip else told)]
+
+    def _missed(self, aim: tuple, made: tuple) -> Tensor:
+        """Eq. 3 of rotations, positions, velocities, and how unlike the positions move from frame to frame: [B, F]."""
+        missed = rebuilding_loss(*zip(aim, made))
+        if not self.recipe.steady:
+            return missed
+        off = made[1] - aim[1]
+        trembling = off.diff(dim=1, prepend=off[:, :1]) * (self.recipe.fps / TENTH)
+        return missed + self.recipe.steady * trembling.square().sum((-2, -1))
+
+    def _unlike_twins(self, chosen: Tensor, amid: bool, place, made: Tensor, told: tuple) -> Tensor:
+        """`_missed` of what was told [B, F] by those that have a twin, on their own bodies; 0 of the others."""
+        twin = self.pieces.twin[chosen]
+        rows = twin.clamp(min=0)
+        turns, _, speeds = _parts(self.pieces.amid(rows) if amid else self.pieces.x[rows], len(self.skeleton))
+        missed = self._missed((turns, place(turns), speeds), (told[0], made, told[1]))
+        return missed * (twin >= 0)[:, None]
 
     def _critics(self, pair: Pair, fake: Tensor, style: Tensor, content: Tensor, amid: bool) -> Tensor:
         """The critic's loss of motions [B, F, 6J] that were made in styles, and of real ones (eq. 9)."""
@@ -283,7 +247,8 @@ def train_erd(
     style is neutral.
     """
     recipe = recipe or ErdRecipe.laptop()
-    pieces, skeleton = Pieces.of(data, recipe.fps), body_of(data[0].motion).skeleton
+    pieces = Pieces.of(data, recipe.fps, registered=recipe.registered > 0)
+    skeleton = body_of(data[0].motion).skeleton
     joints, counts = len(skeleton), (len(pieces.contents), len(pieces.styles))
     contents = contents if contents is not None else train_contents(pieces, joints, seed=seed)
     torch.manual_seed(seed)

@@ -39,7 +39,7 @@ class ErdStream:
         content: object = None,
         own_style: object = None,
         count: int = 1,
-        fade: float = 0.8,
+        fade: float = 1.0,
     ) -> None:
         if isinstance(count, bool) or not isinstance(count, int) or count < 1:
             raise MotionKitError(f"count says how many streams run side by side, from 1; found {count!r}")
@@ -47,6 +47,7 @@ class ErdStream:
             raise MotionKitError(f"fade is how many seconds a style takes to come, from 0; found {fade!r}")
         self.model, self.count, self.fade, self._strength, self._style = model, count, fade, 1.0, None
         self._state, self._before, self._path, self._stages = None, None, None, None
+        self._whole = np.eye(len(model.styles), dtype=np.float32)
         self._guesses = Guesses(model.labeller) if model.labeller is not None else None
         self.content, self.own_style = content, own_style
         self._strength = strength
@@ -137,7 +138,8 @@ class ErdStream:
         yaw, ground = body.facing(places), places[:, 0] * np.float32([1, 0, 1])
         gap = (self._gap / self.model.fps * TENTH)[:, None, None]
         moved = np.zeros_like(places) if self._before is None else (places - self._before) / gap
-        local, speed = turned(-yaw, places - ground[:, None]), turned(-yaw, moved)
+        seen = turned(-yaw, np.concatenate((places - ground[:, None], moved), 1))
+        local, speed = seen[:, : places.shape[1]], seen[:, places.shape[1] :]
         own = turns.copy()
         own[:, 0] = yawed(-yaw, turns[:, 0])
         own *= np.where(own[..., :1] < 0, np.float32(-1), np.float32(1))
@@ -145,7 +147,8 @@ class ErdStream:
         self._guess(x)
         if self._state is None:
             self._state, self._path = self.model.fast.begin(self._contents), ground
-        y, self._state = self.model.fast.step(x, self._contents, self._owns, self._followed(), self._state)
+        wanted, own = self._followed(np.stack((self._wanted, self._whole[self._owns])))
+        y, self._state = self.model.fast.step(x, self._contents, self._owns, wanted, self._state, own)
         made, root = self._placed(y, translations, yaw, body.lowest(local))
         self._before = places
         return made, root
@@ -154,10 +157,10 @@ class ErdStream:
         """The network's answer [B, 7J] in the world: quaternions and the root's places."""
         joints, body = translations.shape[1], self.model.body
         made = y[:, : 4 * joints].reshape(self.count, joints, 4)
-        made = made / np.linalg.norm(made, axis=-1, keepdims=True)
+        made = made / np.sqrt((made * made).sum(-1, keepdims=True))
         lying = translations.copy()
         lying[:, 0] = 0
-        height = low - body.lowest(body.places(made, lying))
+        height = low - body.lowest_of(made, lying)
         if self._before is not None:
             step = turned(yaw, y[:, None, 4 * joints : 4 * joints + 3] * np.float32(TENTH / self.model.fps))[:, 0]
             self._path = self._path + step
@@ -167,18 +170,18 @@ class ErdStream:
         made[:, 0] = yawed(yaw, made[:, 0])
         return made.astype(np.float32), root.astype(np.float32)
 
-    def _followed(self) -> np.ndarray:
-        """How much of each style this frame gets, [B, S]: what is wanted, through low-passes one after the other.
+    def _followed(self, shares: np.ndarray) -> np.ndarray:
+        """Shares of styles for this frame, [2, B, S]: those wanted and those that come in, through low-passes in a row.
 
-        So it sets out and arrives gently, also where the wish changes with every frame, as a dial does.
+        So they set out and arrive gently, also where a wish changes with every frame, as a dial does, or a guess does.
         """
         if self._stages is None or not self.fade:
-            self._stages = [self._wanted] * _STAGES
-            return self._wanted
-        share, before = np.float32(-np.expm1(-2 * _STAGES / (self.fade * self.model.fps))), self._wanted
+            self._stages = [shares] * _STAGES
+            return shares
+        share = np.float32(-np.expm1(-2 * _STAGES / (self.fade * self.model.fps)))
         for n, stage in enumerate(self._stages):
-            self._stages[n] = before = stage + share * (before - stage)
-        return before
+            self._stages[n] = shares = stage + share * (shares - stage)
+        return shares
 
     def _guess(self, x: np.ndarray) -> None:
         """Labels that nobody has said."""

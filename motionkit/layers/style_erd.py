@@ -8,12 +8,15 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from .. import rotations as rot
 from ..errors import MotionKitError
 
 
 @dataclass(frozen=True)
 class ErdConfig:
     """Sizes. encoder, decoder: of the hidden layers; latent: of z and of every LSTM; neutral, style: LSTMs in a branch.
+
+    skip: whether what comes in goes around the network, too (beyond the paper, see `put_back`).
 
     `paper()` is paper 2, supplement A: an encoder of (64, 32), 6 LSTM layers for the neutral branch and 4 for each
     style, a decoder of (58, 86, 128, 184), ReLU between. The paper does not say how the last of these becomes
@@ -28,6 +31,7 @@ class ErdConfig:
     neutral: int = 6
     style: int = 4
     decoder: tuple[int, ...] = (58, 86, 128, 184)
+    skip: bool = False
 
     def __post_init__(self) -> None:
         sizes = (*self.encoder, self.latent, self.neutral, self.style, *self.decoder)
@@ -155,7 +159,10 @@ class StyleErd(nn.Module):
         velocities; and the state after the last frame.
         """
         heard, state = self.listen(x, content, style, state)
-        return self.say(heard, wanted), state
+        said = self.say(heard, wanted)
+        if self.config.skip:
+            said = put_back(x, said, self.say(heard, self.weights_of(style).to(wanted)))
+        return said, state
 
     def encode(self, x: Tensor, content: Tensor, style: Tensor) -> Tensor:
         """z [B, F, H] of frames [B, F, 10J] whose labels are content and style, long [B] (paper 2, section 3.1)."""
@@ -209,6 +216,26 @@ class StyleErd(nn.Module):
     def _decoded(self, heard: Tensor, wanted: Tensor) -> Tensor:
         mixed = heard[:, :, 0] + torch.einsum("bfs,bfsh->bfh", wanted[..., 1:], heard[:, :, 1:])
         return self.decoder(torch.cat((mixed, wanted), 2))
+
+
+def put_back(x: Tensor, told: Tensor, rebuilt: Tensor) -> Tensor:
+    """What a network loses of frames when it rebuilds them, put back into what it told: a skip connection.
+
+    x: frames [..., 10J]; told, rebuilt: answers [..., 7J] in the style wanted and in the frames' own. Each joint gets
+    the rotation from the rebuilt one to that which came in, and the velocity that is missing. Where the style wanted
+    is the frames' own, they come back as they were. Beyond paper 2, where all must go through 32 numbers.
+
+    >>> x, told = torch.nn.functional.normalize(torch.ones(2, 10), dim=0), torch.ones(2, 7)
+    >>> bool(torch.allclose(put_back(x, told, told)[:, 4:], x[:, 7:], atol=1e-6))
+    True
+    """
+    joints = x.shape[-1] // 10
+    turns = [part[..., : 4 * joints].unflatten(-1, (joints, 4)) for part in (x, told, rebuilt)]
+    came, other, own = turns
+    lost = rot.quaternion_multiply(rot.quaternion_inverse(own), came)
+    found = rot.quaternion_multiply(other, rot.positive(lost))
+    speeds = told[..., 4 * joints :] + x[..., 7 * joints :] - rebuilt[..., 4 * joints :]
+    return torch.cat((found.flatten(-2), speeds), -1)
 
 
 def _mlp(inside: int, hidden: tuple[int, ...], outside: int, last: bool = False) -> nn.Sequential:

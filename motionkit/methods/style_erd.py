@@ -32,7 +32,8 @@ class StyleErdMethod:
     """Style-ERD (paper 2): an encoder, recurrent branches whose sum is the style, a decoder, all causal.
 
     model: by the name of the dataset that it learned from, or an `erd.model.ErdModel`. It knows the styles of that
-    dataset and no others.
+    dataset and no others. The shipped ones learned by `erd.ErdRecipe.laptop`, beyond the paper: they also saw
+    neutral clips in step with styled ones, and what is lost on the way through the network is put back.
 
     >>> import motionkit as mk
     >>> method, walk = mk.methods.load("style-erd"), mk.load("data/actor/walk_neutral.bvh")
