@@ -21,7 +21,7 @@ from .losses import quaternion_loss, rebuilding_loss
 from .model import ErdModel
 
 STEPS, RATE, BATCH = 400, 1e-3, 16
-_STAY = 2.0  # how much it counts how far the new branch goes from where it began
+_STAY = 1.0  # how much it counts how far the new branch goes from where it began
 
 
 class NewBranch(nn.Module):
@@ -94,9 +94,10 @@ def learn_style(
     clip, neutral: F frames each of the model's skeleton and rate, such as by `pairs.NeutralPairs`. content: what is
     done. running: as in `training.fit`. The loss is the rebuilding loss (eq. 3) of the clip from its pair, with the
     decoder, the encoder and all other branches frozen. The new branch begins as that of the known style that comes
-    nearest, and stays near it: what a clip does not show, it then does as that style. Returns a model that knows the
-    style, and the run; the one given is not changed. Raises MotionKitError for a name that is taken, and clips that are
-    too short or not in step.
+    nearest, and stays near it: what a clip does not show, it then does as that style. In a third of what it learns from
+    somebody stands still, in a pose of the clip, since whoever stands is not to be carried along. Returns a model that
+    knows the style, and the run; the one given is not changed. Raises MotionKitError for a name that is taken, and
+    clips that are too short or not in step.
     """
     if name in model.styles:
         raise MotionKitError(f"style-erd knows a style {name!r} already; give the new one another name")
@@ -111,10 +112,11 @@ def learn_style(
     offsets = clip.translations[0]
 
     def loss_of(module: nn.Module, step: int) -> Tensor:
-        rows = torch.randint(len(clip) - WINDOW + 1, (BATCH, 1)) + torch.arange(WINDOW)
-        x, labels = begun(given.x[rows], len(model.skeleton)), torch.tensor([[number], [0]]).expand(2, BATCH)
-        made = split(module(x, *labels))
-        aim = wanted.rotations[rows], wanted.positions[rows], wanted.velocities[rows]
+        rows, content, moving = _drawn(len(clip), number, len(model.contents))
+        x = begun(given.x[rows], len(model.skeleton))
+        x[..., -3 * len(model.skeleton) :] *= moving
+        made = split(module(x, content, torch.zeros_like(content)))
+        aim = wanted.rotations[rows], wanted.positions[rows], wanted.velocities[rows] * moving[..., None]
         places = placed_positions(model.skeleton, offsets, made[0], lowest_foot(model.skeleton, aim[1]))
         missed = rebuilding_loss((aim[0], made[0]), (aim[1], places), (aim[2], made[1]))
         return missed.sum(1).mean() + _STAY * module.gone()
@@ -122,6 +124,19 @@ def learn_style(
     running.setdefault("title", f"learning {name!r}")
     run = fit(branch, loss_of, Schedule(STEPS, RATE, decay=0.0, seed=seed, average=0.99), **running)
     return replace(model, network=branch.beside(), styles=(*model.styles, name), labeller=None, card={}), run
+
+
+def _drawn(frames: int, content: int, contents: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Which frames the windows of a batch are of [B, WINDOW], their contents [B], and whether they move [B, 1, 1].
+
+    A third stand still, in any pose of the clip, whatever their content is called: or else a style learned from
+    somebody who walks would carry along whoever stands.
+    """
+    still = torch.arange(BATCH) < BATCH // 3
+    within = torch.where(still[:, None], 0, torch.arange(WINDOW))
+    rows = torch.randint(frames - WINDOW + 1, (BATCH, 1)) + within
+    called = torch.where(still, torch.randint(contents, (BATCH,)), content)
+    return rows, called, (~still)[:, None, None].float()
 
 
 @torch.no_grad()
