@@ -25,7 +25,7 @@ from motionkit.arena.truths import error_against
 from motionkit.cards import data_hash
 from motionkit.datasets.store import cache_folder
 from motionkit.erd.commands import train_model
-from motionkit.erd.frames import frames_of
+from motionkit.erd.frames import frames_of, split
 from motionkit.erd.model import ErdModel
 from motionkit.erd.recipe import ABLATIONS
 from motionkit.methods.style_erd import StyleErdMethod
@@ -79,8 +79,9 @@ def speed(model: ErdModel, figures: dict) -> None:
     for row in x:
         y, state = fast.step(row[None], label, own, wanted, state)
         made.append(y[0])
-    gap = float((torch.from_numpy(np.stack(made)) - eager[0][0]).abs().max())
-    figures["off_from_eager_ratio"] = figure(gap, 1e-5, "", "largest difference from torch over 10 s", False)
+    pairs = zip(split(torch.from_numpy(np.stack(made))), split(eager[0][0]))
+    gap = max(float((a - b).abs().max()) for a, b in pairs)
+    figures["off_from_eager_ratio"] = figure(gap, 1e-5, "", "largest difference from torch's answers over 10 s", False)
 
 
 def beginnings(model: ErdModel, figures: dict) -> list[dict]:
