@@ -114,9 +114,10 @@ class FastErd:
         """The decoder's answer [..., 7J] to mixed branches [..., H], told the shares [..., S]."""
         y = np.concatenate((y, wanted), -1)
         for n, (weight, bias) in enumerate(self.decoder):
-            y = y @ weight + bias
+            y = y @ weight
+            y += bias
             if n < len(self.decoder) - 1:
-                y = np.maximum(y, 0)
+                np.maximum(y, 0, out=y)
         return y
 
 
@@ -131,7 +132,7 @@ for _i, _j, _k, _sign in (
 
 def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The quaternion product, of [B, J, 4]: as a matrix times a vector, quicker than sixteen products."""
-    return ((a @ _HAMILTON.reshape(4, 16)).reshape(*a.shape, 4) @ b[..., None])[..., 0]
+    return np.einsum("...jk,...k->...j", (a @ _HAMILTON.reshape(4, 16)).reshape(*a.shape, 4), b)
 
 
 def _cell(weights: np.ndarray, x: np.ndarray, h: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -140,7 +141,9 @@ def _cell(weights: np.ndarray, x: np.ndarray, h: np.ndarray, c: np.ndarray) -> t
     gates = np.matmul(np.concatenate((x, h), 2), weights[:, :-1])
     gates += weights[:, -1:]
     np.tanh(gates, out=gates)
-    gates[..., : 3 * size] = 0.5 * gates[..., : 3 * size] + 0.5  # sigmoid(x) = (1 + tanh(x / 2)) / 2
+    shares = gates[..., : 3 * size]  # sigmoid(x) = (1 + tanh(x / 2)) / 2
+    shares *= 0.5
+    shares += 0.5
     c = gates[..., size : 2 * size] * c + gates[..., :size] * gates[..., 3 * size :]
     return gates[..., 2 * size : 3 * size] * np.tanh(c), c
 
