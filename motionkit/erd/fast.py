@@ -7,10 +7,12 @@ all branches of a layer at once, with every sigmoid as a hyperbolic tangent, who
 from __future__ import annotations
 
 import numpy as np
+import torch
 from torch import nn
 
 from ..layers import StyleErd
 from ..layers.style_erd import Branches
+from ..rotations import quaternion_multiply
 
 
 class FastErd:
@@ -122,12 +124,8 @@ class FastErd:
 
 
 _BACK = np.float32([1, -1, -1, -1])
-_HAMILTON = np.zeros((4, 4, 4), np.float32)  # of w x y z: a b is the sum over i, k of a_i _HAMILTON[i, j, k] b_k
-for _i, _j, _k, _sign in (
-    (0, 0, 0, 1), (1, 0, 1, -1), (2, 0, 2, -1), (3, 0, 3, -1), (0, 1, 1, 1), (1, 1, 0, 1), (2, 1, 3, 1), (3, 1, 2, -1),
-    (0, 2, 2, 1), (1, 2, 3, -1), (2, 2, 0, 1), (3, 2, 1, 1), (0, 3, 3, 1), (1, 3, 2, 1), (2, 3, 1, -1), (3, 3, 0, 1),
-):  # fmt: skip
-    _HAMILTON[_i, _j, _k] = _sign
+_HAMILTON = quaternion_multiply(torch.eye(4)[:, None], torch.eye(4)).numpy()  # [i, k]: the product of units i and k
+_HAMILTON = np.ascontiguousarray(_HAMILTON.transpose(0, 2, 1))  # [i, j, k]: how much of a_i b_k is in entry j
 
 
 def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:

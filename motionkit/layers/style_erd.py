@@ -230,8 +230,7 @@ def put_back(x: Tensor, told: Tensor, rebuilt: Tensor) -> Tensor:
     True
     """
     joints = x.shape[-1] // 10
-    turns = [part[..., : 4 * joints].unflatten(-1, (joints, 4)) for part in (x, told, rebuilt)]
-    came, other, own = turns
+    came, other, own = (part[..., : 4 * joints].unflatten(-1, (joints, 4)) for part in (x, told, rebuilt))
     lost = rot.quaternion_multiply(rot.quaternion_inverse(own), came)
     found = rot.quaternion_multiply(other, rot.positive(lost))
     speeds = told[..., 4 * joints :] + x[..., 7 * joints :] - rebuilt[..., 4 * joints :]
