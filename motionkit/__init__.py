@@ -11,88 +11,42 @@ from __future__ import annotations
 
 import importlib
 
-from .bvh import MotionKitWarning, load, save
+from .bvh import load, save
 from .errors import MotionKitError
+from .files import MotionKitWarning
 from .motion import Motion, concatenate
 from .skeleton import Skeleton
 
 __version__ = "0.1.0"
 
-# public name -> where it lives; looked up on first use, so that `import motionkit` stays quick
-_LAZY = {
-    "Player": "viewer",
-    "scene": "viewer",
-    "strip": "viewer",
-    "rotations": None,
-    "keypoints": None,
-    "kinematics": None,
-    "layers": None,
-    "features": None,
-    "erd": None,
-    "fewshot": None,
-    "actor": None,
-    "checkpoints": None,
-    "contacts": None,
-    "datasets": None,
-    "diffusion": None,
-    "judges": None,
-    "arena": None,
-    "methods": None,
-    "metrics": None,
-    "priors": None,
-    "text": None,
-    "retarget": "retargeting",
-    "sampling": None,
-    "video": None,
-    "viewer": None,
-    "exercises": None,
-    "training": None,
-}
+# looked up on first use, so that `import motionkit` stays quick
+_FROM = {"Player": "viewer", "scene": "viewer", "strip": "viewer", "retarget": "retargeting", "exercises": "lessons"}
+_MODULES = (
+    "actor", "arena", "checkpoints", "contacts", "datasets", "diffusion", "dtw", "features", "judges", "kinematics",
+    "layers", "lessons", "methods", "metrics", "rotations", "sampling", "text", "training", "video", "viewer",
+)  # fmt: skip
 
 __all__ = [
     "Motion",
     "MotionKitError",
     "MotionKitWarning",
-    "Player",
     "Skeleton",
-    "actor",
-    "arena",
-    "checkpoints",
     "concatenate",
-    "contacts",
-    "datasets",
-    "diffusion",
-    "exercises",
-    "features",
-    "erd",
-    "fewshot",
-    "judges",
-    "keypoints",
-    "kinematics",
-    "layers",
     "load",
-    "methods",
-    "metrics",
-    "priors",
-    "text",
-    "retarget",
-    "rotations",
-    "sampling",
     "save",
-    "scene",
-    "strip",
-    "training",
-    "video",
-    "viewer",
+    *sorted((*_FROM, *_MODULES)),
 ]
 
 
 def __getattr__(name: str):
-    if name not in _LAZY:
-        raise AttributeError(f"motionkit has no {name!r}; it has {', '.join(__all__)}")
-    home = _LAZY[name]
-    module = importlib.import_module(f".{home or name}", __name__)
-    return getattr(module, name) if home else module
+    if name in _FROM:
+        module = importlib.import_module(f".{_FROM[name]}", __name__)
+        found = getattr(module, name, module)
+        globals()[name] = found  # a module of this name, once imported, would take its place
+        return found
+    if name in _MODULES:
+        return importlib.import_module(f".{name}", __name__)
+    raise AttributeError(f"motionkit has no {name!r}; it has {', '.join(__all__)}")
 
 
 def __dir__() -> list[str]:

@@ -116,21 +116,21 @@ def _train(args: argparse.Namespace) -> None:
 def _trained(part: str, data: datasets.Dataset, args: argparse.Namespace, command: str) -> Path:
     if part in _PRIORS:
         from .layers import TransformerConfig
-        from .priors.commands import train_part
+        from .methods.text_to_motion import train_part
 
         config = getattr(TransformerConfig, args.config)()
         return train_part(part, data, config, args.steps, args.seed, command, args.text, args.start, args.rate)
     if part in _SPACES:
-        from .fewshot import space_recipe
+        from .methods import style_code
 
         if part == "space":
-            return space_recipe.train_part(data, args.steps, args.seed, command, args.start)
-        return space_recipe.train_reader_part(data, args.steps, args.seed, command)
+            return style_code.train_part(data, args.steps, args.seed, command, args.start)
+        return style_code.train_reader_part(data, args.steps, args.seed, command)
     if part == _ERD:
-        from .erd.commands import train_part
+        from .methods.style_erd import train_part
 
         return train_part(data, args.steps, args.seed, command)
-    from .judges.recipes import train_part
+    from .judges import train_part
     from .layers import StGcnConfig
 
     return train_part(part, data, getattr(StGcnConfig, args.config)(), args.steps, args.seed, command)
@@ -178,7 +178,7 @@ def _method_and_style(args: argparse.Namespace) -> tuple:
     """What `stylize` is to use: a learned style belongs to few-shot, a name to the methods that know names."""
     kind = Path(args.style).suffix
     if kind == ".safetensors":
-        from .fewshot import prior_of
+        from .methods.few_shot import prior_of
 
         if args.method not in (None, "few-shot"):
             raise MotionKitError(f"{args.style}: a learned style is for --method few-shot; found {args.method!r}")
@@ -208,11 +208,11 @@ def _perform(args: argparse.Namespace) -> None:
 
 
 def _imagine(args: argparse.Namespace) -> None:
-    from . import priors
+    from .methods import text_to_motion
 
     output = _fresh(args.output, ".bvh", [])
-    scale = priors.SCALE if args.scale is None else args.scale
-    made = priors.load(args.prior).generate(args.sentence, args.seconds, scale=scale, seed=args.seed)
+    scale = text_to_motion.SCALE if args.scale is None else args.scale
+    made = text_to_motion.load(args.prior).generate(args.sentence, args.seconds, scale=scale, seed=args.seed)
     print(save(made[0], output))
 
 

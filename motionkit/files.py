@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -90,3 +91,19 @@ def write_atomic(path: str | os.PathLike, content: str | bytes) -> Path:
     with open_atomic(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)
     return Path(path)
+
+
+def cache_folder() -> Path:
+    """Where caches go: the environment variable MOTIONKIT_CACHE, or the system's usual place.
+
+    >>> cache_folder().is_absolute()
+    True
+    """
+    given = os.environ.get("MOTIONKIT_CACHE")
+    if given:
+        return Path(given).expanduser()
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "motionkit"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "motionkit"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "motionkit"

@@ -1,12 +1,9 @@
-"""One training loop for everything that learns here: it shows progress, and a run broken off goes on where it was.
-
-It stands on `accelerate`, so the same call trains on a CPU, a GPU, several of them and several machines: `accelerate
-launch -m motionkit train ...` on a GPU, and with `--multi_gpu --num_processes 2` on two. Without a GPU those are two
-processes on the CPU, as they are anywhere with ACCELERATE_USE_CPU=true in the environment.
-"""
+"""The state of a training that was broken off, in one file: written whole or not at all, read back exactly."""
 
 from __future__ import annotations
 
+import glob
+import hashlib
 import math
 import os
 import time
@@ -18,12 +15,80 @@ from pathlib import Path
 import torch
 from accelerate import Accelerator, PartialState
 from accelerate.utils import broadcast, parse_flag_from_env
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save as tensors_as_bytes
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 from tqdm.auto import tqdm
 
-from . import kept_runs
+from . import checkpoints
+from .checkpoints import load_into
+from .datasets import Dataset
 from .errors import MotionKitError
+from .files import write_atomic
+
+
+def write(
+    path: Path,
+    model: nn.Module,
+    optimizer: torch.optim.Optimizer,
+    mean: nn.Module | None,
+    schedule: object,
+    losses: list[float],
+    seconds: float,
+) -> None:
+    """Everything that `read` needs to go on as if nothing had happened."""
+    tensors = {f"model.{name}": value for name, value in model.state_dict().items()}
+    for number, values in optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer.{number}.{name}": value for name, value in values.items()}
+    if mean is not None:
+        tensors |= {f"mean.{name}": value for name, value in mean.state_dict().items()}
+    tensors |= {
+        "losses": torch.tensor(losses, dtype=torch.float64),
+        "seconds": torch.tensor(seconds, dtype=torch.float64),
+    }
+    plain = {name: value.detach().cpu().clone().contiguous() for name, value in tensors.items()}
+    write_atomic(path, tensors_as_bytes(plain, _begun(schedule)))
+
+
+def read(
+    path: Path, model: nn.Module, optimizer: torch.optim.Optimizer, mean: nn.Module | None, schedule: object
+) -> tuple[list[float], float]:
+    """Puts a kept state back in place; returns the losses so far and the seconds they took.
+
+    Raises MotionKitError if the file is damaged, or is of another schedule, recipe or model.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            tensors, same = {name: file.get_tensor(name) for name in file.keys()}, file.metadata() == _begun(schedule)  # noqa: SIM118
+    except (SafetensorError, OSError) as error:
+        raise MotionKitError(f"{path}: the kept run cannot be read ({error}); remove it to start again") from None
+    if not same:
+        raise MotionKitError(f"{path}: this run was begun with another schedule or recipe; remove it to start again")
+    load_into(model, _part(tensors, "model."), path)
+    if mean is not None:
+        load_into(mean, _part(tensors, "mean."), path)
+    state: dict[int, dict[str, Tensor]] = {}
+    for key, value in _part(tensors, "optimizer.").items():
+        number, name = key.split(".", 1)
+        state.setdefault(int(number), {})[name] = value
+    optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
+    return tensors["losses"].tolist(), float(tensors["seconds"])
+
+
+def remove(path: Path) -> None:
+    """The file, and what was left of it where a process was killed while it wrote."""
+    path.unlink(missing_ok=True)
+    for left in path.parent.glob(f".{glob.escape(path.name[:40])}.*"):
+        left.unlink(missing_ok=True)
+
+
+def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+
+def _begun(schedule: object) -> dict[str, str]:
+    return {"schedule": repr(schedule)}
 
 
 @dataclass(frozen=True)
@@ -134,7 +199,7 @@ class _Learner:
         """The run so far, its state put back; all processes must have found the same."""
         run = Run()
         if self.kept is not None and self.kept.exists():
-            found = kept_runs.read(self.kept, self.bare, self.raw_optimizer, self.mean, self.schedule)
+            found = read(self.kept, self.bare, self.raw_optimizer, self.mean, self.schedule)
             run = Run(*found)
         steps = torch.tensor([len(run.losses)], device=self.accelerator.device)
         if len(set(self.accelerator.gather(steps).tolist())) > 1:
@@ -147,7 +212,7 @@ class _Learner:
             return
         for value, old in zip(self.buffers(), self.undo):
             value.copy_(old)
-        kept_runs.write(self.kept, self.bare, self.raw_optimizer, self.mean, self.schedule, run.losses, run.seconds)
+        write(self.kept, self.bare, self.raw_optimizer, self.mean, self.schedule, run.losses, run.seconds)
 
     def finish(self) -> None:
         """The mean into the model, the same numbers in all processes, and no file left."""
@@ -156,7 +221,7 @@ class _Learner:
         for value in self.buffers():
             broadcast(value)
         if self.kept is not None and self.main:
-            kept_runs.remove(self.kept)
+            remove(self.kept)
         self.accelerator.wait_for_everyone()
 
 
@@ -296,3 +361,40 @@ def in_main(write: Callable[[], object]) -> None:
     if is_main():
         write()
     PartialState().wait_for_everyone()
+
+
+# Licences of captures that forbid what MIT allows; weights that learned from them are under the same licence.
+LICENCES = {"bandai-1": "CC-BY-NC-4.0", "bandai-2": "CC-BY-NC-4.0"}
+
+
+def card_of(data: Dataset, schedule: Schedule, run: Run, network: nn.Module) -> dict:
+    """What every card says of how weights were made from these clips."""
+    name = data.name
+    return {
+        "data": name,
+        "data_sha256": data_hash(data),
+        "training_clips": len(data),
+        "seed": schedule.seed,
+        "steps": schedule.steps,
+        "seconds": round(run.seconds),
+        "steps_per_second": round(run.steps_per_second, 2),
+        "hardware": checkpoints.hardware(),
+        "parameters": sum(p.numel() for p in network.parameters()),
+        "licence": LICENCES.get(name, "MIT"),
+    }
+
+
+def data_hash(dataset: Dataset) -> str:
+    """Changes when clips, their labels or their numbers do: 16 hexadecimal digits."""
+    clips = (
+        f"{dataset.store.clips[n].name} {dataset.store.clips[n].checksum} {dataset.labels[n][:2]}"
+        for n in dataset.numbers
+    )
+    return hashlib.sha256("\n".join(clips).encode()).hexdigest()[:16]
+
+
+def place_for(data: str, what: str) -> Path:
+    """Where the weights of a judge go: `NAME-content.safetensors` and so on, in the folder of their licence."""
+    folder = checkpoints.folder() / LICENCES.get(data, "").lower()
+    os.makedirs(folder, exist_ok=True)
+    return folder / f"{data}-{what}.safetensors"

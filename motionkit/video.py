@@ -1,6 +1,6 @@
-"""A person in a video as a motion to take a style from, by MediaPipe (`pip install -e .[video]`; an extra).
+"""What a pose estimator sees in a video, places of a person's joints, as a motion to take a style from.
 
-Paper 1, section 5.1, learns styles from videos; how places of joints become a motion is in `keypoints`.
+Paper 1, section 5.1, learns styles from videos so: the places are smoothed, and where the person goes is left out.
 """
 
 from __future__ import annotations
@@ -8,14 +8,165 @@ from __future__ import annotations
 import importlib
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
+from scipy.signal import butter, sosfiltfilt
 from torch import Tensor
 
+from . import rotations as rot
 from .errors import MotionKitError
-from .keypoints import CUTOFF, motion_from_keypoints
+from .features.canonical import motion_from_positions
 from .motion import Motion
+from .skeleton import Skeleton, find_roles, smpl, words
+
+CUTOFF = 3.0  # Hz (paper 1, section 5.1)
+_LONGEST_GAP = 0.3  # seconds
+_NEEDED = tuple(f"{s}_{r}" for r in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist") for s in ("left", "right"))
+_TOES = 0.12  # of the leg: how far in front of the ankle a toe stands where no estimator saw it
+
+
+def motion_from_keypoints(
+    points: Tensor, names: Sequence[str], fps: float, *, cutoff: float = CUTOFF, name: str = ""
+) -> Motion:
+    """A motion in place on SMPL's skeleton, from keypoints (paper 1, section 5.1).
+
+    points: [F, J, 3] in any unit, any axis up; NaN where nothing was seen. names: of the J points, as the estimator
+    calls them (`left_hip`, `LEFT_HIP`, `LHip`): hips, knees, ankles, shoulders, elbows and wrists must be there; toes
+    and a nose or head help. fps: of the video. cutoff: of the Butterworth low-pass, Hz. Gaps of up to 0.3 s are filled
+    in straight lines. The person is 1.75 m tall, stays above the origin and has a foot on the ground; at first they
+    face +Z. Raises MotionKitError for other shapes, points that are missing, and longer gaps.
+
+    >>> from motionkit.actor import perform
+    >>> walk = perform("walk", "old", seed=1, seconds=2.0).motion
+    >>> motion_from_keypoints(walk.positions(), walk.skeleton.names, fps=30, name="seen")
+    Motion('seen', 60 frames at 30 fps, 2.0 s, 22 joints)
+    """
+    points, roles = _checked(points, names, fps, cutoff)
+    points = smoothed(filled(points, names, fps), fps, cutoff)
+    points = _upright(points, roles)
+    skeleton = smpl()
+    places = _as_smpl(points, roles, list(names), skeleton)
+    motion = motion_from_positions(places.float(), skeleton, fps, name=name)
+    return _standing(motion).at_origin()
+
+
+def filled(points: Tensor, names: Sequence[str], fps: float) -> Tensor:
+    """Keypoints [F, J, 3] with gaps (NaN) filled in straight lines, at the ends by the nearest frame; float64.
+
+    Raises MotionKitError for a gap over 0.3 s, and names joint and frames.
+
+    >>> seen = torch.tensor([[[0.0, 0, 0]], [[math.nan, 0, 0]], [[2.0, 0, 0]]])
+    >>> filled(seen, ["nose"], fps=30)[1, 0]
+    tensor([1., 0., 0.], dtype=torch.float64)
+    """
+    points = points.detach().double().clone()
+    seen, frames = points.isfinite().all(-1).numpy(), np.arange(len(points))
+    for joint in np.flatnonzero(~seen.all(0)):
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], ~seen[:, joint], [0])).astype(int)))
+        for start, stop in zip(edges[::2], edges[1::2]):
+            if stop - start > _LONGEST_GAP * fps + 1e-6:
+                seconds = (stop - start) / fps
+                raise MotionKitError(
+                    f"keypoint {names[joint]!r} is missing from frame {start} to {stop - 1}, {seconds:.2f} s; gaps "
+                    f"of up to {_LONGEST_GAP:g} s are filled: cut the clip there"
+                )
+        there = seen[:, joint]
+        for axis in range(3):
+            row = np.interp(frames, frames[there], points[there, joint, axis].numpy())
+            points[:, joint, axis] = torch.from_numpy(row)
+    return points
+
+
+def smoothed(points: Tensor, fps: float, cutoff: float = CUTOFF) -> Tensor:
+    """Numbers over time [F, ...] through a Butterworth low-pass of second order, forwards and back (paper 1, 5.1).
+
+    cutoff: Hz, below half the frame rate. Nothing is delayed.
+
+    >>> still = torch.ones(30, 1)
+    >>> bool(torch.allclose(smoothed(still, fps=30), still.double()))
+    True
+    """
+    sections = butter(2, cutoff, fs=fps, output="sos")
+    pad = min(len(points) - 1, max(9, round(fps)))
+    return torch.from_numpy(sosfiltfilt(sections, points.double().numpy(), axis=0, padlen=pad).copy())
+
+
+def _checked(points: Tensor, names: Sequence[str], fps: float, cutoff: float) -> tuple[Tensor, dict[str, int]]:
+    points = torch.as_tensor(points)
+    if points.ndim != 3 or points.shape[1:] != (len(names), 3) or len(points) < 3:
+        raise MotionKitError(f"expected keypoints [frames, {len(names)}, 3], 3 frames or more; found {[*points.shape]}")
+    if not (isinstance(fps, int | float) and 0 < cutoff < fps / 2 < math.inf):
+        raise MotionKitError(f"cutoff must be above 0 and below half the frame rate; found {cutoff} Hz at {fps} fps")
+    roles = find_roles(names)
+    missing = [role for role in _NEEDED if role not in roles]
+    if missing:
+        raise MotionKitError(
+            f"no keypoint is called {missing[0]!r}, or by a name like it; found {', '.join(names)}: name the joints of "
+            "legs and arms so"
+        )
+    return points, roles
+
+
+def _middle(points: Tensor, roles: dict[str, int], role: str) -> Tensor:
+    return (points[:, roles[f"left_{role}"]] + points[:, roles[f"right_{role}"]]) / 2
+
+
+def _upright(points: Tensor, roles: dict[str, int]) -> Tensor:
+    """Turned so that the axis which the trunk is nearest to is +Y: cameras have Y downwards, some files Z up."""
+    trunk = (_middle(points, roles, "shoulder") - _middle(points, roles, "ankle")).mean(0)
+    axis = int(trunk.abs().argmax())
+    up = torch.zeros(3, dtype=points.dtype)
+    up[axis] = trunk[axis].sign()
+    turn = rot.between(up, torch.tensor([0.0, 1.0, 0.0], dtype=points.dtype))
+    return rot.quaternion_rotate(turn.expand(*points.shape[:2], 4), points)
+
+
+def _as_smpl(points: Tensor, roles: dict[str, int], names: list[str], skeleton: Skeleton) -> Tensor:
+    """Places of SMPL's joints [F, 22, 3], as large as its skeleton, the pelvis at the origin."""
+    leg = sum((points[:, roles[f"{s}_{a}"]] - points[:, roles[f"{s}_{b}"]]).norm(dim=-1).mean()
+              for s in ("left", "right") for a, b in (("hip", "knee"), ("knee", "ankle")))  # fmt: skip
+    wanted = {name: n for n, name in enumerate(skeleton.names)}
+    own = sum(skeleton.offsets[wanted[f"{s}_{j}"]].norm() for s in ("left", "right") for j in ("knee", "ankle"))
+    pelvis, neck = _middle(points, roles, "hip"), _middle(points, roles, "shoulder")
+    scale = float(own / leg)
+    seen = scale * (points - pelvis[:, None])
+    up, across = scale * (neck - pelvis), seen[:, roles["left_hip"]] - seen[:, roles["right_hip"]]
+    ahead = rot.normalize(torch.linalg.cross(across, up))
+    places = torch.zeros(len(points), len(skeleton), 3, dtype=points.dtype)
+    rest = skeleton.offsets.double()
+    heights = {}  # of the trunk's joints, as shares of the way from hips to shoulders
+    for joint in ("spine1", "spine2", "spine3", "neck"):
+        heights[joint] = float(sum(rest[j, 1] for j in skeleton.chain(wanted[joint])[:-1]))
+    top = float(sum(rest[j, 1] for j in skeleton.chain(wanted["left_shoulder"])[:-1]))
+    for joint, height in heights.items():
+        places[:, wanted[joint]] = up * min(height / top, 1.1)
+    for side in ("left", "right"):
+        for role in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist"):
+            places[:, wanted[f"{side}_{role}"]] = seen[:, roles[f"{side}_{role}"]]
+        ankle, toe = roles[f"{side}_ankle"], roles.get(f"{side}_toe")
+        if toe in (None, ankle):
+            places[:, wanted[f"{side}_foot"]] = seen[:, ankle] + _TOES * ahead - 0.06 * rot.normalize(up)
+        else:
+            places[:, wanted[f"{side}_foot"]] = seen[:, toe]
+        collar = 0.3 * seen[:, roles[f"{side}_shoulder"]] + 0.7 * places[:, wanted["neck"]]
+        places[:, wanted[f"{side}_collar"]] = collar
+    skull = next((n for n, one in enumerate(names) if words(one) in (["head"], ["nose"])), None)
+    over = places[:, wanted["neck"]] + 0.25 * up
+    places[:, wanted["head"]] = over if skull is None else seen[:, skull]
+    return places
+
+
+def _standing(motion: Motion) -> Motion:
+    """The motion in place: the pelvis above the origin, as high as the lower foot needs it to stand on the ground."""
+    local = motion.positions() - motion.positions()[:, :1]
+    feet = [j for j, name in enumerate(motion.skeleton.names) if name.endswith("foot")]
+    root = torch.zeros(len(motion), 3)
+    root[:, 1] = -local[:, feet, 1].amin(1) + 0.02
+    return Motion.from_root(motion.skeleton, motion.rotations, root, motion.fps, name=motion.name)
+
 
 SURE = 0.5  # how visible a joint must be to count as seen
 MODEL = "pose_landmarker_full.task"
@@ -25,7 +176,7 @@ MODEL_PAGE = "https://ai.google.dev/edge/mediapipe/solutions/vision/pose_landmar
 def motion_from_video(
     path: str | os.PathLike, model: str | os.PathLike = MODEL, *, cutoff: float = CUTOFF, sure: float = SURE
 ) -> Motion:
-    """The person in a video file as a motion in place, see `keypoints.motion_from_keypoints` (paper 1, section 5.1).
+    """The person in a video file as a motion in place, see `video.motion_from_keypoints` (paper 1, section 5.1).
 
     model: MediaPipe's pose landmarker, a file with the suffix .task from its makers' page. cutoff: of the low-pass, Hz.
     sure: joints that are less visible than this, 0 to 1, count as not seen, and gaps of up to 0.3 s are filled. Raises

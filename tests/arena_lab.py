@@ -6,8 +6,8 @@ from pathlib import Path
 import torch
 
 import motionkit as mk
-from motionkit.arena.fanning import one_thread
-from motionkit.datasets import Split, made, of_items
+from motionkit.arena.transfers import one_thread
+from motionkit.datasets import Split, of_items, performed
 
 CONTENTS, STYLES = ("jump", "walk", "wave"), ("neutral", "old", "proud")
 HEIGHTS = ("pelvis", "left_wrist", "right_ankle", "head")
@@ -49,7 +49,7 @@ class Judge:
 
 def small_split() -> Split:
     """A take to train on and one to test on, of three contents in three styles."""
-    chosen = [i for i in made.items("actor") if i.labels.content in CONTENTS and i.labels.style in STYLES]
+    chosen = [i for i in performed.items("actor") if i.labels.content in CONTENTS and i.labels.style in STYLES]
     wanted = [i for i in chosen if i.name[-2:] in ("00", "14")]
     with one_thread():
         return of_items("actor", wanted).split()

@@ -29,10 +29,7 @@ def captures() -> Path:
 def captures_dir(captures: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of 18 real clips (`dataset-2_walk_normal_001.bvh`, ...): 2 contents, 3 styles, 3 takes."""
     wanted = {
-        f"dataset-2_{content}_{style}_{take:03d}.bvh"
-        for content in CONTENTS
-        for style in STYLES
-        for take in (1, 2, 3)
+        f"dataset-2_{content}_{style}_{take:03d}.bvh" for content in CONTENTS for style in STYLES for take in (1, 2, 3)
     }
     folder = tmp_path_factory.mktemp("captures")
     with zipfile.ZipFile(captures) as archive:

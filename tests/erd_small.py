@@ -6,9 +6,8 @@ import torch
 from torch import nn
 
 from motionkit.actor import perform
-from motionkit.erd.labels import Labeller
-from motionkit.erd.model import ErdModel
-from motionkit.layers import ErdConfig, StyleErd
+from motionkit.methods.style_erd import ErdConfig, ErdModel, StyleErd
+from motionkit.methods.style_erd_stream import Labeller
 
 STYLES, CONTENTS = ("neutral", "old", "proud"), ("walk", "jump")
 

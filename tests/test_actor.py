@@ -8,7 +8,7 @@ import torch
 
 import motionkit as mk
 from motionkit.actor import CONTENTS, SEEN, UNSEEN, Performer, Style, mix, parameters, perform, retell, style_named
-from motionkit.actor.body import HEEL
+from motionkit.actor.bodies import HEEL
 
 STYLES = (*SEEN, *UNSEEN)
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import motionkit as mk
-from motionkit.alignment import align, dtw, dtw_costs, movement, smoothed, warp
+from motionkit.dtw import align, dtw, dtw_costs, movement, smoothed, warp
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,8 @@ import pytest
 import torch
 
 import motionkit as mk
-from motionkit.arena import Protocol, kept
-from motionkit.arena.fanning import one_thread
-from motionkit.arena.fingerprints import fingerprint, kit_code
+from motionkit.arena import Protocol, transfers
+from motionkit.arena.transfers import fingerprint, one_thread
 from motionkit.datasets import Split
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -67,9 +66,9 @@ def test_intervals_hold_their_values(table):
 
 def test_the_exact_answer_has_no_error(clips, tmp_path):
     from motionkit.actor import retell
-    from motionkit.datasets import made
+    from motionkit.datasets import performed
 
-    sources = {item.name: item.source for item in made.items("actor")}
+    sources = {item.name: item.source for item in performed.items("actor")}
 
     class Cheat:
         def transfer(self, content, style):
@@ -315,12 +314,11 @@ def test_keys_change_with_what_a_method_is():
 
 def test_keys_are_the_same_in_every_process():
     things = "(f(lab.moody), f(lab.Counting('x')), f(mk.methods.load('statistics')), f({'a', 'b', 'c'}))"
-    code = "import arena_lab as lab, motionkit as mk\nfrom motionkit.arena.fingerprints import *\nf = fingerprint\n"
+    code = "import arena_lab as lab, motionkit as mk\nfrom motionkit.arena.transfers import *\nf = fingerprint\n"
     paths = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
     environment = {**os.environ, "PYTHONPATH": paths, "PYTHONHASHSEED": "7"}
     command = [sys.executable, "-c", f"{code}print({things})"]
     there = subprocess.run(command, env=environment, capture_output=True, check=True)
-    kit_code.cache_clear()
     assert there.stdout.decode().strip() == str(eval(things, {"f": fingerprint, "lab": lab, "mk": mk}))
 
 
@@ -329,8 +327,8 @@ def test_results_come_back_as_they_were(tmp_path):
     moved = walk.translations.clone()
     moved[5, 7] += 0.25
     for n, motion in enumerate((walk, walk[3:9], walk.replace(translations=moved))):
-        kept.save_result(tmp_path / str(n), motion, walk, {"seconds": 0.1})
-        back, facts = kept.load_result(tmp_path / str(n), walk)
+        transfers.save_result(tmp_path / str(n), motion, walk, {"seconds": 0.1})
+        back, facts = transfers.load_result(tmp_path / str(n), walk)
         assert torch.equal(back.rotations, motion.rotations) and torch.equal(back.translations, motion.translations)
         assert facts["seconds"] == 0.1 and back.name == motion.name
     assert (tmp_path / "0").stat().st_size < 0.7 * walk.rotations.numel() * 7  # translations of the root alone

@@ -150,7 +150,7 @@ def test_json_there_and_back(table, tmp_path):
 
 
 def test_picture(table):
-    picture = mk.viewer.plot_arena(table)
+    picture = mk.lessons.judging.plot_arena(table)
     first, second = picture.axes
     assert [label.get_text() for label in first.get_yticklabels()] == ["good", "tie", "partial", "none"]
     dots = [line for line in first.lines if line.get_marker() == "o"]
@@ -158,6 +158,6 @@ def test_picture(table):
     assert dots[2].get_markerfacecolor() == "white" != dots[0].get_markerfacecolor()
     assert [text.get_text() for text in first.texts] == ["–"]
     assert second.get_title(loc="left") == "CRA % ↑" and picture._repr_png_()[:4] == b"\x89PNG"
-    assert len(mk.viewer.plot_arena(table, "cra").axes) == 1
+    assert len(mk.lessons.judging.plot_arena(table, "cra").axes) == 1
     with pytest.raises(mk.MotionKitError, match="plot_arena draws"):
-        mk.viewer.plot_arena("table")
+        mk.lessons.judging.plot_arena("table")

@@ -10,10 +10,10 @@ import motionkit as mk
 from motionkit import actor
 from motionkit.contacts import foot_contacts, foot_sliding
 from motionkit.datasets import Item, Labels, of_items
-from motionkit.datasets.made import ActorSource
+from motionkit.datasets.performed import ActorSource
+from motionkit.methods.base import in_step, velocity_factor
+from motionkit.methods.neutral_pairs import NeutralPairs, add_difference, difference
 from motionkit.metrics import jitter, truth_error
-from motionkit.pairs import NeutralPairs, add_difference, difference
-from motionkit.restyling import in_step, velocity_factor
 
 CONTENTS, STYLES = ("walk", "jump", "wave"), ("neutral", "old", "proud")
 LEARNED = ("knn-dtw", "linear")

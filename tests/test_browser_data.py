@@ -14,7 +14,7 @@ CANVAS = ".mk-view canvas"
 def test_a_slider_of_the_mixer_moves_the_picture_and_keeps_time_and_camera(tmp_path):
     lab.write_notebook(
         tmp_path / "mixer.ipynb",
-        "import motionkit as mk\nmixer = mk.viewer.style_mixer('walk', 'old')\nmixer",
+        "import motionkit as mk\nmixer = mk.lessons.data.style_mixer('walk', 'old')\nmixer",
         "print(mixer.player.frame, mixer.style.slump, mixer.player.playing)",
     )
     with lab.Lab(tmp_path) as server, server.open("mixer.ipynb") as page:

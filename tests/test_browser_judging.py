@@ -16,7 +16,7 @@ kinds = ("walk", "jump", "wave", "kick")
 motions = [mk.actor.perform(kinds[n % 4], seed=n).motion for n in range(16)]
 features = torch.eye(4)[torch.arange(16) % 4] * 9 + torch.randn(16, 4, generator=torch.Generator().manual_seed(0))
 features[3] = torch.nan
-view = mk.viewer.feature_map(features, [kinds[n % 4] for n in range(16)], motions)
+view = mk.lessons.judging.feature_map(features, [kinds[n % 4] for n in range(16)], motions)
 view"""
 
 

@@ -8,8 +8,7 @@ import torch
 
 import motionkit as mk
 from motionkit import rotations as rot
-from motionkit.bvh import parse
-from motionkit.bvh_numbers import parse_numbers
+from motionkit.bvh import parse, parse_numbers
 from motionkit.motion import Motion
 from motionkit.skeleton import Skeleton
 

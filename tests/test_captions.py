@@ -7,10 +7,9 @@ import pytest
 
 import motionkit as mk
 from motionkit.actor import CONTENTS, SEEN, UNSEEN, perform, retell
-from motionkit.actor.captions import captions
-from motionkit.datasets import captions as captured
+from motionkit.text import captions as captured
 from motionkit.text import to_neutral, to_style
-from motionkit.text.words import STYLES
+from motionkit.text.captions import STYLES, performed_captions
 
 NAMES = SEEN + UNSEEN
 STYLED = [name for name in NAMES if name != "neutral"]
@@ -27,7 +26,7 @@ CORE = {
 def every(style: str, count: int = 12) -> list[tuple[str, str]]:
     """Captions of all contents and a sequence in a style, with what is done."""
     contents = (*CONTENTS, SEQUENCE)
-    return [(content, text) for content in contents for text in captions(content, style, seed=5, count=count)]
+    return [(content, text) for content in contents for text in performed_captions(content, style, seed=5, count=count)]
 
 
 @cache
@@ -61,42 +60,42 @@ def test_captions_are_grammatical(style):
 def test_at_least_four_and_all_different():
     for content in (*CONTENTS, SEQUENCE):
         for style in NAMES:
-            told = captions(content, style)
+            told = performed_captions(content, style)
             assert len(told) == len(set(told)) == 4
-            assert len(set(captions(content, style, count=12))) == 12
+            assert len(set(performed_captions(content, style, count=12))) == 12
 
 
 def test_the_first_is_the_papers_form():
-    assert captions("run", "depressed")[0] == "a person is running in depression"
-    assert captions("walk")[0] == "a person is walking neutrally"
-    assert captions(["walk", "jump"], "tired")[0] == "a person is walking and then jumping, in weariness"
-    assert captions("walk", "drunk", subject="an ostrich")[0] == "an ostrich is walking in drunkenness"
+    assert performed_captions("run", "depressed")[0] == "a person is running in depression"
+    assert performed_captions("walk")[0] == "a person is walking neutrally"
+    assert performed_captions(["walk", "jump"], "tired")[0] == "a person is walking and then jumping, in weariness"
+    assert performed_captions("walk", "drunk", subject="an ostrich")[0] == "an ostrich is walking in drunkenness"
     shared = [s for s in NAMES if STYLES[s].captured]
     assert len(shared) >= 8  # captures and the performer speak alike
     for style in shared:
-        assert captions("run", style)[0] == captured.captions("running", "", style)[0]
+        assert performed_captions("run", style)[0] == captured.capture_captions("running", "", style)[0]
 
 
 def test_neutral_with_and_without_saying_so():
     for content in CONTENTS:
-        told = captions(content, "neutral")
+        told = performed_captions(content, "neutral")
         plain = [t for t in told if not re.search("neutral|normal|ordinary", t)]
         assert 1 <= len(plain) < len(told)
 
 
 def test_seed_says_which():
-    assert captions("walk", "old", 3) == captions("walk", "old", 3)
-    assert len({captions("walk", "old", seed)[1:] for seed in range(5)}) == 5
-    subjects = {text.split(" ")[0] for seed in range(10) for text in captions("walk", "neutral", seed)}
+    assert performed_captions("walk", "old", 3) == performed_captions("walk", "old", 3)
+    assert len({performed_captions("walk", "old", seed)[1:] for seed in range(5)}) == 5
+    subjects = {text.split(" ")[0] for seed in range(10) for text in performed_captions("walk", "neutral", seed)}
     assert subjects >= {"a", "the", "someone", "somebody"}
 
 
 def test_any_subject():
-    for text in captions("walk", "angry", 1, 8, subject="an ant"):
+    for text in performed_captions("walk", "angry", 1, 8, subject="an ant"):
         assert re.match(r"(an? |the )([\w-]+ )?ant ", text) and "person" not in text, text
-    assert captions("sit", "neutral", subject="a dog")[0] == "a dog is sitting down neutrally"
-    assert captions("peck", "old", subject="a ostrich")[0] == "an ostrich is pecking in old age"
-    assert captions("tail_swing", "old")[0] == "a person is tailing swing in old age"
+    assert performed_captions("sit", "neutral", subject="a dog")[0] == "a dog is sitting down neutrally"
+    assert performed_captions("peck", "old", subject="a ostrich")[0] == "an ostrich is pecking in old age"
+    assert performed_captions("tail_swing", "old")[0] == "a person is tailing swing in old age"
 
 
 def test_limbs_are_told_where_they_are_known():
@@ -157,7 +156,7 @@ def test_neutral_captions_stay_as_they_are():
 
 @pytest.mark.parametrize("style", sorted(set(STYLES) - {"neutral", "normal"}))
 def test_captions_of_captures_are_rewritten_too(style):
-    for text in captured.captions("running", "jogging along", style):
+    for text in captured.capture_captions("running", "jogging along", style):
         assert re.fullmatch("(a person|someone) is (running|jogging along) neutrally", to_neutral(text)), text
 
 
@@ -188,6 +187,6 @@ def test_bad_input():
             rewritten(3)
     for count in (0, -1, 1.5, "4"):
         with pytest.raises(mk.MotionKitError, match="count: expected a whole number"):
-            captions("walk", "old", count=count)
+            performed_captions("walk", "old", count=count)
     with pytest.raises(mk.MotionKitError, match="count: there are"):
-        captions("punch", "old", count=2_000)
+        performed_captions("punch", "old", count=2_000)

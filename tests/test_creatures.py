@@ -9,12 +9,11 @@ import torch
 import motionkit as mk
 from motionkit import actor
 from motionkit import rotations as rot
-from motionkit.actor import SEEN, UNSEEN, Performer, Style
-from motionkit.actor import creatures as zoo
-from motionkit.actor.creatures.limbs import ankles, leg_turns, rest_legs
+from motionkit.actor import SEEN, UNSEEN, Performer, Style, bodies, performing
+from motionkit.actor.pose import ankles, leg_turns, rest_legs
 from motionkit.contacts import foot_sliding
 
-KINDS = zoo.CREATURES
+KINDS = performing.CREATURES
 BEASTS = tuple(k for k in KINDS if k != "humanoid")
 
 
@@ -30,10 +29,10 @@ def joint(performance, name):
 
 
 def test_bodies_differ():
-    skeletons = [zoo.creature_named(kind).skeleton for kind in KINDS]
+    skeletons = [performing.creature_named(kind).skeleton for kind in KINDS]
     assert len(KINDS) == 5
     assert len({len(s) for s in skeletons}) == 5
-    assert len(zoo.creature_named("humanoid").skeleton) == 31
+    assert len(performing.creature_named("humanoid").skeleton) == 31
     assert not set(skeletons[0].names) & set(skeletons[1].names)
     for skeleton in skeletons:
         assert {"left", "right", "middle"} == set(skeleton.sides)
@@ -42,7 +41,7 @@ def test_bodies_differ():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rest_pose_is_a_mirror_image_that_stands_on_the_ground(kind):
-    creature = zoo.creature_named(kind)
+    creature = performing.creature_named(kind)
     rest, twins = creature.rest, list(creature.skeleton.twins)
     torch.testing.assert_close(rest[twins] * torch.tensor([-1.0, 1.0, 1.0]), rest, atol=1e-9, rtol=0)
     assert rest[:, 1].min() >= 0
@@ -50,10 +49,10 @@ def test_rest_pose_is_a_mirror_image_that_stands_on_the_ground(kind):
 
 @pytest.mark.parametrize("kind", BEASTS)
 def test_feet_stand_where_contacts_say(kind):
-    creature, chance = zoo.creature_named(kind), random.Random(kind)
+    creature, chance = performing.creature_named(kind), random.Random(kind)
     for content in creature.contents:
         for style in chance.sample(SEEN + UNSEEN, 2):
-            done = zoo.perform(content, style, chance.randrange(99), seconds=8, creature=kind)
+            done = performing.perform_creature(content, style, chance.randrange(99), seconds=8, creature=kind)
             feet = done.performer.feet
             assert done.contacts.shape == (240, len(feet))
             joints = [done.motion.skeleton.index(f) for f in feet]
@@ -68,8 +67,8 @@ def test_feet_stand_where_contacts_say(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_bones_keep_their_lengths_and_files_give_the_motion_back(kind, tmp_path):
-    content = zoo.creature_named(kind).contents[0]
-    motion = zoo.perform(content, "proud", 3, seconds=3, creature=kind).motion
+    content = performing.creature_named(kind).contents[0]
+    motion = performing.perform_creature(content, "proud", 3, seconds=3, creature=kind).motion
     places = motion.positions()
     for j, parent in enumerate(motion.skeleton.parents):
         if parent >= 0:
@@ -99,28 +98,28 @@ def phase_of(performance, foot, reference):
 
 def test_a_dog_walks_in_lateral_sequence_and_trots_in_diagonal_pairs():
     steady = Style("steady", variability=0.0)
-    walk = zoo.perform("walk", steady, 1, seconds=8, fps=120, creature="dog")
+    walk = performing.perform_creature("walk", steady, 1, seconds=8, fps=120, creature="dog")
     assert walk.performer.feet == ("LeftHindPaw", "RightHindPaw", "LeftForePaw", "RightForePaw")
     assert [round(phase_of(walk, n, 0), 1) for n in (1, 2, 3)] == pytest.approx([0.5, 0.25, 0.75], abs=0.06)
-    trot = zoo.perform("trot", steady, 1, seconds=8, fps=120, creature="dog")
+    trot = performing.perform_creature("trot", steady, 1, seconds=8, fps=120, creature="dog")
     assert phase_of(trot, 2, 1) == pytest.approx(0.0, abs=0.02) or phase_of(trot, 2, 1) > 0.98
     assert phase_of(trot, 1, 0) == pytest.approx(0.5, abs=0.02)
 
 
 def test_a_walk_always_stands_on_most_legs_and_a_run_leaps():
     for kind, least in (("dog", 2), ("crab", 4), ("dragon", 2), ("ostrich", 1)):
-        assert int(zoo.perform("walk", seed=2, creature=kind).contacts.sum(1).min()) >= least
-    run = zoo.perform("run", seed=2, creature="ostrich")
+        assert int(performing.perform_creature("walk", seed=2, creature=kind).contacts.sum(1).min()) >= least
+    run = performing.perform_creature("run", seed=2, creature="ostrich")
     assert int(run.contacts.sum(1).min()) == 0
     speed = [
         float((p.motion.root_path()[-1] - p.motion.root_path()[0]).norm())
-        for p in (run, zoo.perform("walk", seed=2, creature="ostrich"))
+        for p in (run, performing.perform_creature("walk", seed=2, creature="ostrich"))
     ]
     assert speed[0] > 1.5 * speed[1]
 
 
 def test_a_crab_goes_sideways():
-    walk = zoo.perform("walk", seed=4, creature="crab")
+    walk = performing.perform_creature("walk", seed=4, creature="crab")
     way = walk.motion.root_path()[-1] - walk.motion.root_path()[0]
     assert abs(float(walk.motion.facing()[0])) < 0.3
     assert abs(float(way[0])) > 4 * abs(float(way[1]))
@@ -130,7 +129,9 @@ def test_a_crab_goes_sideways():
     "kind, head, tail", [("dog", "Head", "Tail3"), ("ostrich", "head", "tail2"), ("dragon", "HeadBone", "TailBone7")]
 )
 def test_the_proud_carry_head_and_tail_high_and_the_tired_low(kind, head, tail):
-    proud, neutral, tired = (zoo.perform("walk", s, 5, creature=kind) for s in ("proud", "neutral", "tired"))
+    proud, neutral, tired = (
+        performing.perform_creature("walk", s, 5, creature=kind) for s in ("proud", "neutral", "tired")
+    )
     size = neutral.performer.leg
     heads, tails = ([float(joint(p, name)[:, 1].mean()) / size for p in (proud, neutral, tired)]
                     for name in (head, tail))  # fmt: skip
@@ -143,44 +144,46 @@ def test_the_proud_carry_head_and_tail_high_and_the_tired_low(kind, head, tail):
 
 
 def test_deeds_look_like_what_they_are_called():
-    sit = zoo.perform("sit", seed=1, creature="dog")
+    sit = performing.perform_creature("sit", seed=1, creature="dog")
     assert float(joint(sit, "Hips")[:, 1].min()) < 0.5 * float(joint(sit, "Hips")[0, 1])
     assert float(joint(sit, "Head")[:, 1].min()) > 0.8 * float(joint(sit, "Head")[0, 1])
-    threat = zoo.perform("threat", seed=1, creature="crab")
+    threat = performing.perform_creature("threat", seed=1, creature="crab")
     claw = joint(threat, "left_claw_finger")[:, 1]
     assert float(claw.max()) > 2 * float(claw[0])
-    peck = zoo.perform("peck", seed=1, creature="ostrich")
+    peck = performing.perform_creature("peck", seed=1, creature="ostrich")
     assert float(joint(peck, "beak")[:, 1].min()) < 0.15 < 1.5 < float(joint(peck, "beak")[0, 1])
-    roar = zoo.perform("roar", seed=1, creature="dragon")
+    roar = performing.perform_creature("roar", seed=1, creature="dragon")
     span = torch.linalg.vector_norm(joint(roar, "WingTip_L") - joint(roar, "WingTip_R"), dim=-1)
     assert float(span.max()) > 2.5 * float(span[0])
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_score_told_again_agrees_beat_by_beat(kind):
-    deed = next(iter(zoo.creature_named(kind).species.deeds))
-    first = zoo.perform(f"walk, {deed}", "neutral", 6, seconds=9, creature=kind)
+    deed = next(iter(performing.creature_named(kind).species.deeds))
+    first = performing.perform_creature(f"walk, {deed}", "neutral", 6, seconds=9, creature=kind)
     other = mk.actor.retell(first, "tired")
     assert other.performer is first.performer and other.score is first.score
     assert len(other) > 1.2 * len(first)
     along = other.along(first)
     assert len(along) == len(first)
     same = mk.actor.retell(first, "neutral")
-    torch.testing.assert_close(
-        same.along(first).positions()[:-2], first.motion.positions()[:-2], atol=2e-3, rtol=0
-    )
+    torch.testing.assert_close(same.along(first).positions()[:-2], first.motion.positions()[:-2], atol=2e-3, rtol=0)
 
 
 def test_the_actor_takes_creatures_for_performers():
     asked = actor.perform("trot", "proud", 2, seconds=3, performer="dog")
-    assert torch.equal(asked.motion.rotations, zoo.perform("trot", "proud", 2, seconds=3).motion.rotations)
+    assert torch.equal(
+        asked.motion.rotations, performing.perform_creature("trot", "proud", 2, seconds=3).motion.rotations
+    )
     assert actor.retell(asked, "tired").performer is asked.performer
     assert asked.parameters["performer"]["height"] == asked.performer.height
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_same_again_and_another_take(kind):
-    first, again, other = (zoo.perform("walk", seed=seed, seconds=3, creature=kind) for seed in (7, 7, 8))
+    first, again, other = (
+        performing.perform_creature("walk", seed=seed, seconds=3, creature=kind) for seed in (7, 7, 8)
+    )
     assert torch.equal(first.motion.rotations, again.motion.rotations)
     assert float((first.motion.rotations - other.motion.rotations).abs().max()) > 0.01
 
@@ -188,7 +191,7 @@ def test_the_same_again_and_another_take(kind):
 @pytest.mark.parametrize("kind", BEASTS)
 def test_a_path_is_followed(kind):
     path = torch.tensor([[0.0, 0.0], [0.0, 4.0], [2.0, 8.0]])
-    walk = zoo.perform("walk", seed=1, seconds=10, creature=kind, path=path)
+    walk = performing.perform_creature("walk", seed=1, seconds=10, creature=kind, path=path)
     places = walk.motion.root_path()
     assert float(places[-1, 1]) > 1.0
     away = torch.cdist(places.double(), torch.stack([torch.lerp(a, b, t) for a, b in zip(path, path[1:])
@@ -197,7 +200,7 @@ def test_a_path_is_followed(kind):
 
 
 def test_the_humanoid_is_a_person_on_another_rig():
-    person = zoo.perform("walk", "old", 2, seconds=4, creature="humanoid")
+    person = performing.perform_creature("walk", "old", 2, seconds=4, creature="humanoid")
     feet = list(person.performer.feet)
     assert foot_sliding(person.motion, person.contacts, feet) < 1.0
     same = actor.perform("walk", "old", 2, seconds=4, performer=Performer(2, 1.75 * person.performer.size, 0.0,
@@ -210,7 +213,7 @@ def test_the_humanoid_is_a_person_on_another_rig():
 
 
 def test_three_bone_legs_end_where_they_should():
-    creature = zoo.creature_named("dog")
+    creature = performing.creature_named("dog")
     rest = rest_legs(creature.species, creature.size)
     places = creature.rest[torch.tensor(rest.joints)]  # [L, 4, 3]
     chance = torch.Generator().manual_seed(0)
@@ -230,16 +233,16 @@ def test_three_bone_legs_end_where_they_should():
 @pytest.mark.parametrize(
     "wrong, said",
     [
-        (lambda: zoo.perform("walk", creature="dogg"), "did you mean 'dog'"),
-        (lambda: zoo.perform("tro", creature="dog"), "a dog has no content 'tro'; did you mean 'trot'"),
-        (lambda: zoo.perform("sit", creature="crab"), "a crab has no content 'sit'.*threat"),
-        (lambda: zoo.perform([], creature="dog"), "a dog can walk"),
-        (lambda: zoo.perform("walk", "tierd", creature="dog"), "did you mean 'tired'"),
-        (lambda: zoo.perform("sit", seconds=1, creature="dog"), "one sit of a dog takes 7 beats"),
-        (lambda: zoo.perform("walk, sit", seconds=1, creature="dog"), "at least"),
-        (lambda: zoo.perform("walk", seconds=math.nan, creature="dog"), "seconds: expected a number"),
-        (lambda: zoo.perform("walk", path=[[0, 0]], creature="dog"), "at least two"),
-        (lambda: zoo.Creature(zoo.creature_named("dog").species, size=90), "size is 0.2 to 5"),
+        (lambda: performing.perform_creature("walk", creature="dogg"), "did you mean 'dog'"),
+        (lambda: performing.perform_creature("tro", creature="dog"), "a dog has no content 'tro'; did you mean 'trot'"),
+        (lambda: performing.perform_creature("sit", creature="crab"), "a crab has no content 'sit'.*threat"),
+        (lambda: performing.perform_creature([], creature="dog"), "a dog can walk"),
+        (lambda: performing.perform_creature("walk", "tierd", creature="dog"), "did you mean 'tired'"),
+        (lambda: performing.perform_creature("sit", seconds=1, creature="dog"), "one sit of a dog takes 7 beats"),
+        (lambda: performing.perform_creature("walk, sit", seconds=1, creature="dog"), "at least"),
+        (lambda: performing.perform_creature("walk", seconds=math.nan, creature="dog"), "seconds: expected a number"),
+        (lambda: performing.perform_creature("walk", path=[[0, 0]], creature="dog"), "at least two"),
+        (lambda: bodies.Creature(performing.creature_named("dog").species, size=90), "size is 0.2 to 5"),
     ],
 )
 def test_mistakes_are_explained(wrong, said):

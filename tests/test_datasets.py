@@ -9,7 +9,8 @@ import torch
 from test_bvh import CHAIN, one_joint
 
 import motionkit as mk
-from motionkit.datasets import reading, store
+from motionkit import files
+from motionkit.datasets import cache as stores
 
 NAMES = [
     f"dataset-2_{content}_{style}_{take:03d}"
@@ -60,7 +61,7 @@ def no_reading(monkeypatch):
     def fail(*_):
         raise AssertionError("clips were read again")
 
-    monkeypatch.setattr(reading, "read_all", fail)
+    monkeypatch.setattr(stores, "read_all", fail)
 
 
 def test_items_labels_and_motions(clips):
@@ -216,16 +217,16 @@ def test_cache_folder_that_cannot_be(tmp_path, clips, monkeypatch):
 def test_default_cache_folder(platform, part, monkeypatch):
     for variable in ("MOTIONKIT_CACHE", "XDG_CACHE_HOME", "LOCALAPPDATA"):
         monkeypatch.delenv(variable, raising=False)
-    monkeypatch.setattr(store.sys, "platform", platform)
-    assert store.cache_folder().parts[-2:] == (part, "motionkit")
+    monkeypatch.setattr(files.sys, "platform", platform)
+    assert files.cache_folder().parts[-2:] == (part, "motionkit")
 
 
 def test_several_processes_read_the_same(clips, cache, monkeypatch):
     alone = [clip.motion for clip in mk.datasets.load("bandai-2", clips)]
     for path in cache.iterdir():
         path.unlink()
-    monkeypatch.setattr(reading, "_FEW", 0)
-    monkeypatch.setattr(reading, "_BATCH", 3)
+    monkeypatch.setattr(stores, "_FEW", 0)
+    monkeypatch.setattr(stores, "_BATCH", 3)
     for a, b in zip(alone, mk.datasets.load("bandai-2", clips), strict=True):
         equal(a, b.motion)
 

@@ -11,7 +11,8 @@ from made_clips import Made, lengths, made
 from torch.utils.data import DataLoader
 
 import motionkit as mk
-from motionkit.datasets import BalancedSampler, Encoded, Item, Labels, Windows, batches, collate, of_items, store
+from motionkit.datasets import BalancedSampler, Encoded, Item, Labels, Windows, batches, collate, of_items
+from motionkit.datasets import cache as stores
 
 
 @pytest.fixture(autouse=True)
@@ -69,7 +70,7 @@ def test_windows_are_where_they_should_be(frames, length, stride, short):
 
 def test_a_window_is_a_piece_of_its_clip(walks, monkeypatch):
     whole = [clip.recording for clip in walks]
-    monkeypatch.setattr(store.Store, "check", lambda *_: pytest.fail("a whole clip was read"))
+    monkeypatch.setattr(stores.Store, "check", lambda *_: pytest.fail("a whole clip was read"))
     windows = walks.windows(60, stride=30)
     assert [w.name for w in windows][:4] == ["clip_000[0:60]", "clip_002[0:60]", "clip_003[0:60]", "clip_004[0:60]"]
     for w in windows:

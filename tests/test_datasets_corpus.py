@@ -20,8 +20,8 @@ from test_bvh import CHAIN
 
 import motionkit as mk
 from bench_corpus import corpus_speed, private_mb
-from motionkit.datasets import Corpus, Item, Labels, build_cache, reading
-from motionkit.datasets import store as stores
+from motionkit.datasets import Corpus, Item, Labels, build_cache
+from motionkit.datasets import cache as stores
 
 
 def listed(count: int, **more) -> list[Item]:
@@ -83,7 +83,7 @@ def test_any_folder_of_bvh(tmp_path):
 
 
 def test_stopped_and_gone_on_with(tmp_path, monkeypatch):
-    monkeypatch.setattr(reading, "_BATCH", 1)
+    monkeypatch.setattr(stores, "_BATCH", 1)
     log, items = tmp_path / "log", listed(10)
     logged = [replace(i, source=replace(i.source, log=str(log))) for i in items]
     stopped = [*logged[:6], replace(logged[6], source=replace(logged[6].source, fails=KeyboardInterrupt)), *logged[7:]]
@@ -257,8 +257,8 @@ class HandsOverTogether(ThreadingBackend):
 @pytest.mark.parametrize("backend", ["threading", "together"])
 def test_joblibs_settings_say_who_reads(tmp_path, monkeypatch, backend):
     joblib.register_parallel_backend("together", HandsOverTogether)
-    monkeypatch.setattr(reading, "_FEW", 0)
-    monkeypatch.setattr(reading, "_BATCH", 1)
+    monkeypatch.setattr(stores, "_FEW", 0)
+    monkeypatch.setattr(stores, "_BATCH", 1)
     items = listed(40)
     threads = torch.get_num_threads()
     with joblib.parallel_config(backend):
@@ -268,7 +268,7 @@ def test_joblibs_settings_say_who_reads(tmp_path, monkeypatch, backend):
 
 def test_large_files_go_out_in_small_batches():
     items = [Item(f"{n}", Labels("", "", ()), mk.datasets.BvhSource("", None, size, 0)) for n, size in enumerate(SIZES)]
-    batches = reading._batches(items)
+    batches = stores._batches(items)
     assert [[int(name) for name, _ in batch] for batch in batches] == [[0], [1], [2, 3, 4], [5]]
 
 

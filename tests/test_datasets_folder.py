@@ -7,7 +7,7 @@ from small_files import fails, write, zipped
 from test_bvh import CHAIN
 
 import motionkit as mk
-from motionkit.datasets import folder
+from motionkit.datasets import captures
 
 pytestmark = pytest.mark.usefixtures("nothing_set")
 
@@ -17,7 +17,7 @@ def test_folder_by_pattern(root, tmp_path):
         root, {"a/walk_old_01.bvh": CHAIN, "b/walk_old_01.BVH": CHAIN, "b/run_very-proud_7.bvh": CHAIN, "notes.txt": ""}
     )
     for place in (root, zipped(root, tmp_path / "f.zip")):
-        items = {item.name.removeprefix("data/"): item.labels for item in folder.items(root=place)}
+        items = {item.name.removeprefix("data/"): item.labels for item in captures.folder_items(root=place)}
         assert list(items) == ["a/walk_old_01", "b/walk_old_01", "run_very-proud_7"]
         assert items["a/walk_old_01"].take == items["b/walk_old_01"].take == "walk_old_01"
         assert items["run_very-proud_7"][:2] == ("run", "very-proud")
@@ -37,7 +37,7 @@ def test_folder_by_pattern(root, tmp_path):
     ],
 )
 def test_folder_patterns(root, pattern, name, labels):
-    (item,) = folder.items(root=write(root, {f"{name}.bvh": CHAIN}), pattern=pattern)
+    (item,) = captures.folder_items(root=write(root, {f"{name}.bvh": CHAIN}), pattern=pattern)
     assert item.labels[:2] == labels and item.labels.split == ("test" if "split" in pattern else "")
     assert item.labels.texts[0].startswith("a person is ")
 
@@ -55,7 +55,7 @@ def test_folder_patterns(root, pattern, name, labels):
 )
 def test_folder_patterns_that_do_not_fit(root, pattern, message):
     with fails(message):
-        folder.items(root=write(root, {"walk_left_old_1.bvh": CHAIN}), pattern=pattern)
+        captures.folder_items(root=write(root, {"walk_left_old_1.bvh": CHAIN}), pattern=pattern)
 
 
 TABLE = "file,content,style,text,performer,split\n"
@@ -65,12 +65,12 @@ TABLE = "file,content,style,text,performer,split\n"
 def test_folder_by_table(root, tmp_path, separator):
     rows = 'x/1.bvh,walk,old,"he walks|he strolls",Ann,train\n2,run,,,,\n'
     write(root, {"x/1.bvh": CHAIN, "2.bvh": CHAIN, "labels.csv": ("\ufeff" + TABLE + rows).replace(",", separator)})
-    items = folder.items(root=root, table="labels.csv")
+    items = captures.folder_items(root=root, table="labels.csv")
     assert [item.name for item in items] == ["1", "2"]
     assert items[0].labels == ("walk", "old", ("he walks", "he strolls"), "Ann", "", "train")
     assert items[1].labels.texts == ("a person is running", "someone is jogging along")
     (root / "labels.csv").rename(tmp_path / "labels.csv")
-    assert folder.items(root=root, table=tmp_path / "labels.csv") == items
+    assert captures.folder_items(root=root, table=tmp_path / "labels.csv") == items
 
 
 def test_folder_table_in_a_zip(root, tmp_path):
@@ -78,7 +78,7 @@ def test_folder_table_in_a_zip(root, tmp_path):
     with zipfile.ZipFile(tmp_path / "f.zip", "w") as archive:
         for name in ("1.bvh", "labels.csv"):
             archive.write(root / name, name)
-    (item,) = folder.items(root=tmp_path / "f.zip", table="labels.csv")
+    (item,) = captures.folder_items(root=tmp_path / "f.zip", table="labels.csv")
     assert (item.labels.style, item.labels.take) == ("old", "7") and len(item.source.read().motion) == 2
 
 
@@ -100,11 +100,11 @@ def test_folder_table_in_a_zip(root, tmp_path):
 def test_folder_tables_that_are_broken(root, table, message):
     write(root, {"1.bvh": CHAIN, "2.bvh": CHAIN} | ({} if table is None else {"labels.csv": table}))
     with fails(message):
-        folder.items(root=root, table="labels.csv")
+        captures.folder_items(root=root, table="labels.csv")
 
 
 def test_folder_that_is_empty(root):
     with fails("data: no clips of folder here"):
-        folder.items(root=root)
+        captures.folder_items(root=root)
     with fails("where are your clips\\?"):
-        folder.items()
+        captures.folder_items()

@@ -9,7 +9,7 @@ import torch
 from small_files import fails, write, zipped
 
 import motionkit as mk
-from motionkit.datasets import humanml3d_files
+from motionkit.datasets import captures
 
 pytestmark = pytest.mark.usefixtures("nothing_set")
 
@@ -40,7 +40,7 @@ def human(root, features) -> Path:
 
 def test_humanml3d(human, features, tmp_path):
     for place in (human, zipped(human, tmp_path / "h.zip")):
-        items = {item.name: item for item in humanml3d_files.items(root=place)}
+        items = {item.name: item for item in captures.humanml3d_items(root=place)}
         assert list(items) == ["000000", "000001@0.5-1.25", "M000000"]
         whole, part, mirror = (item.labels for item in items.values())
         assert whole.texts == ("a man walks.", "a person strolls.") and part.texts == ("he steps.",)
@@ -61,10 +61,10 @@ def test_humanml3d(human, features, tmp_path):
 def test_humanml3d_lists_that_name_more_than_is_there(human):
     write(human, {"test.txt": "000123\n000124\n007975\n"})
     with pytest.warns(mk.MotionKitWarning, match="2 of 6 listed motions are not beside it, such as 000123"):
-        assert len(humanml3d_files.items(root=human)) == 3
+        assert len(captures.humanml3d_items(root=human)) == 3
     write(human, {"test.txt": "000000\n"})
     with warnings.catch_warnings(), fails("(train|test).txt: 000000 is in the list for (train|test) too"):
-        humanml3d_files.items(root=human)
+        captures.humanml3d_items(root=human)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_humanml3d_captions_that_are_broken(human, text, message):
     path = human / "texts" / "000001.txt"
     path.unlink() if text is None else path.write_text(text)
     with fails(message):
-        humanml3d_files.items(root=human)
+        captures.humanml3d_items(root=human)
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_humanml3d_captions_that_are_broken(human, text, message):
 def test_humanml3d_numbers_that_are_broken(human, array, message):
     np.save(human / "new_joint_vecs" / "000000.npy", array)
     with fails(f"000000.npy: .*{message}"):
-        humanml3d_files.items(root=human)[0].source.read()
+        captures.humanml3d_items(root=human)[0].source.read()
 
 
 def test_humanml3d_files_cut_short(human):
@@ -106,14 +106,14 @@ def test_humanml3d_files_cut_short(human):
         path = human / "new_joint_vecs" / f"{name}.npy"
         path.write_bytes(path.read_bytes()[: 1000 if name == "000000" else 9])
     with fails("000001.npy: not a whole .npy file"):
-        humanml3d_files.items(root=human)
+        captures.humanml3d_items(root=human)
     write(human, {"texts/000001.txt": "he walks.#he/PRON#0.0#0.0\n"})
     with fails("000000.npy: not a whole .npy file"):
-        humanml3d_files.items(root=human)[0].source.read()
+        captures.humanml3d_items(root=human)[0].source.read()
 
 
 def test_humanml3d_positions_are_not_features(human):
     for path in (human / "new_joint_vecs").iterdir():
         path.unlink()
     with fails("new_joints/000000.npy: motions, but none in a folder new_joint_vecs"):
-        humanml3d_files.items(root=human)
+        captures.humanml3d_items(root=human)

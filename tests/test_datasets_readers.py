@@ -10,7 +10,9 @@ from small_files import chain, fails, write, zipped
 from test_bvh import CHAIN
 
 import motionkit as mk
-from motionkit.datasets import bandai, captions, places, style100, xia
+from motionkit.datasets import captures as readers
+from motionkit.datasets import sources
+from motionkit.text import captions
 
 pytestmark = pytest.mark.usefixtures("nothing_set")
 
@@ -28,7 +30,7 @@ def bandai_2(root) -> Path:
 
 def test_bandai_labels_come_from_names(bandai_2, tmp_path):
     for place in (bandai_2, zipped(bandai_2, tmp_path / "a.zip"), tmp_path):
-        items = bandai.items("bandai-2", place)
+        items = readers.bandai_items("bandai-2", place)
         assert [item.name for item in items] == NAMES
         assert [item.labels[:2] for item in items] == [
             ("run", "exhausted"),
@@ -42,19 +44,22 @@ def test_bandai_labels_come_from_names(bandai_2, tmp_path):
 
 def test_bandai_captions():
     told = {
-        label: bandai.labels(f"dataset-1_walk_{label}_001").texts
-        for label in bandai.LABELS["bandai-1"]["style"].split()
+        label: readers.bandai_labels(f"dataset-1_walk_{label}_001").texts
+        for label in readers.BANDAI_LABELS["bandai-1"]["style"].split()
     }
     assert told["sad"][0] == "a person is walking in sadness"
     assert told["normal"][0] == "a person is walking neutrally" and told["normal"][2] == "a person is walking"
     assert told["old"][2] == "an old person is walking"
     for texts in told.values():
         assert len(set(texts)) == 4 and not any("  " in t or t != t.strip() for t in texts)
-    for name, kinds in bandai.LABELS.items():
+    for name, kinds in readers.BANDAI_LABELS.items():
         for content in kinds["content"].split():
-            clip = f"{bandai.FILE_PREFIXES[name]}_{content}_tired_001"
-            assert not any("doing " + content in t for t in bandai.labels(clip).texts), content
-    assert captions.captions("walking", "going on foot", "very-odd")[0] == "a person is walking in a very odd style"
+            clip = f"{readers.FILE_PREFIXES[name]}_{content}_tired_001"
+            assert not any("doing " + content in t for t in readers.bandai_labels(clip).texts), content
+    assert (
+        captions.capture_captions("walking", "going on foot", "very-odd")[0]
+        == "a person is walking in a very odd style"
+    )
 
 
 @pytest.mark.parametrize(
@@ -70,47 +75,47 @@ def test_bandai_captions():
 def test_bandai_label_files_must_agree(bandai_2, tmp_path, numbers, message):
     write(bandai_2, {f"x/data/{NAMES[0]}.json": numbers})
     with fails(f"data/{NAMES[0]}.json: .*{message}"):
-        bandai.items("bandai-2", bandai_2)
+        readers.bandai_items("bandai-2", bandai_2)
     with fails(f"a.zip/data/x/data/{NAMES[0]}.json: .*{message}"):
-        bandai.items("bandai-2", zipped(bandai_2, tmp_path / "a.zip"))
+        readers.bandai_items("bandai-2", zipped(bandai_2, tmp_path / "a.zip"))
 
 
 def test_bandai_does_without_label_files_and_takes_own_labels(bandai_2):
     (bandai_2 / f"x/data/{NAMES[0]}.json").unlink()
     own = "dataset-2_juggle_odd_001"
     write(bandai_2, {f"x/data/{own}.bvh": CHAIN, f"x/data/{own}.json": '{"content": 70, "style": 70}'})
-    assert [item.name for item in bandai.items("bandai-2", bandai_2)] == sorted([*NAMES, own])
+    assert [item.name for item in readers.bandai_items("bandai-2", bandai_2)] == sorted([*NAMES, own])
     write(bandai_2, {f"x/data/{own}.json": '{"content": 0, "style": 70}'})
     with fails(r"content 'juggle', which is number of no other; it gives number 0 \(walk\)"):
-        bandai.items("bandai-2", bandai_2)
+        readers.bandai_items("bandai-2", bandai_2)
 
 
 def test_places_are_looked_for_in_order(bandai_2, tmp_path, monkeypatch):
     with fails("where is bandai-2\\? No root is given and MOTIONKIT_DATA is not set; .*datasets.fetch"):
-        bandai.items("bandai-2")
-    captures = tmp_path / "cache" / "captures"
-    captures.mkdir(parents=True)
+        readers.bandai_items("bandai-2")
+    home = tmp_path / "cache" / "captures"
+    home.mkdir(parents=True)
     with fails("captures: no clips of bandai-2 here .*datasets.fetch"):
-        bandai.items("bandai-2")
-    bandai_2.rename(captures / "bandai-2")
-    assert len(bandai.items("bandai-2")) == 3
+        readers.bandai_items("bandai-2")
+    bandai_2.rename(home / "bandai-2")
+    assert len(readers.bandai_items("bandai-2")) == 3
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.setenv("MOTIONKIT_DATA", str(tmp_path / "elsewhere"))
     with fails("elsewhere: no clips of bandai-2 here"):
-        bandai.items("bandai-2")
+        readers.bandai_items("bandai-2")
 
 
 def test_unfinished_and_hidden_things_are_passed_over(bandai_2, tmp_path):
     (tmp_path / "found").mkdir()
     write(tmp_path / "found", {".bandai-2.unpacking/dataset-2_run_old_001.bvh": CHAIN, "half.zip": b"PK\x03\x04 half"})
     with fails("half.zip: neither a folder nor a whole zip archive .*CC BY-NC"):
-        bandai.items("bandai-2", tmp_path / "found")
+        readers.bandai_items("bandai-2", tmp_path / "found")
     zipped(bandai_2, tmp_path / "found" / "whole.zip")
-    assert len(bandai.items("bandai-2", tmp_path / "found")) == 3
+    assert len(readers.bandai_items("bandai-2", tmp_path / "found")) == 3
     data = (tmp_path / "found" / "whole.zip").read_bytes()
     write(tmp_path, {"cut.zip": data[: len(data) // 2]})
     with fails("cut.zip: neither a folder nor a whole zip archive"):
-        bandai.items("bandai-2", tmp_path / "cut.zip")
+        readers.bandai_items("bandai-2", tmp_path / "cut.zip")
 
 
 def test_one_of_each_name_and_no_place_outside(root, tmp_path):
@@ -118,7 +123,7 @@ def test_one_of_each_name_and_no_place_outside(root, tmp_path):
         for place in ("../../../", "/etc/", "C:/"):
             archive.writestr(f"{place}{NAMES[0]}.bvh", CHAIN)
     before = set(tmp_path.rglob("*"))
-    (item,) = bandai.items("bandai-2", tmp_path / "evil.zip")
+    (item,) = readers.bandai_items("bandai-2", tmp_path / "evil.zip")
     assert len(item.source.read().motion) == 2 and set(tmp_path.rglob("*")) == before
 
 
@@ -128,17 +133,17 @@ def test_damaged_tables_in_archives_are_named(bandai_2, tmp_path):
     place = data.index(b"data/x/data/" + NAMES[0].encode() + b".json")
     archive.write_bytes(data[: place + 60] + b"\xff" * 8 + data[place + 68 :])
     with fails("a.zip/data/x/data/.*json: cannot be read .*get the data again"):
-        bandai.items("bandai-2", archive)
-    huge = places.File("a.json", "a.json", None, 1 << 40, 0)
+        readers.bandai_items("bandai-2", archive)
+    huge = sources.File("a.json", "a.json", None, 1 << 40, 0)
     (tmp_path / "a.json").write_text("{}")
     with fails("1099511627776 bytes, which is no table"):
-        list(places.texts([places.File(huge.place, str(tmp_path / "a.json"), None, huge.size, 0)]))
+        list(sources.texts([sources.File(huge.place, str(tmp_path / "a.json"), None, huge.size, 0)]))
 
 
 def test_xia(root, tmp_path):
     names = [f"angry_{n:02d}_{take:03d}" for n, take in ((1, 0), (1, 1), (2, 0), (3, 0), (13, 0), (13, 1), (28, 4))]
     write(root, {f"mocap/{name}.bvh": CHAIN for name in [*names, "neutral_22_000"]} | {"mocap/rest.bvh": CHAIN})
-    items = {item.name: item for item in xia.items(root=zipped(root, tmp_path / "xia.zip"))}
+    items = {item.name: item for item in readers.xia_items(root=zipped(root, tmp_path / "xia.zip"))}
     assert list(items) == sorted([*names, "neutral_22_000"])
     contents = {name: item.labels.content for name, item in items.items()}
     assert [contents[n] for n in names] == ["walk", "walk", "walk", "walk", "run", "run", "trans"]
@@ -150,17 +155,17 @@ def test_xia(root, tmp_path):
 
 
 def test_xia_contents_are_the_published_28():
-    counts = Counter(content for content, _ in xia.CONTENTS)
+    counts = Counter(content for content, _ in readers.XIA_CONTENTS)
     assert counts == {"walk": 12, "run": 3, "jump": 2, "punch": 4, "kick": 2, "trans": 5}
 
 
 @pytest.mark.parametrize("name, message", [("sad_01_000", "style 'sad'; xia has angry"), ("old_29_000", "number 29")])
 def test_xia_names_that_do_not_fit(root, name, message):
     with fails(f"{name}: .*{message}.*rename the clip"):
-        xia.items(root=write(root, {f"{name}.bvh": CHAIN}))
+        readers.xia_items(root=write(root, {f"{name}.bvh": CHAIN}))
 
 
-ENDS = [f"{gait}_{end}" for gait in style100.CONTENTS for end in ("START", "STOP")]
+ENDS = [f"{gait}_{end}" for gait in readers.GAITS for end in ("START", "STOP")]
 
 
 def cuts(**rows: dict[str, int]) -> str:
@@ -183,7 +188,7 @@ def style_100(root) -> Path:
 
 def test_100style(style_100, tmp_path):
     for place in (style_100, zipped(style_100, tmp_path / "s.zip")):
-        items = style100.items(root=place)
+        items = readers.style100_items(root=place)
         assert [item.name for item in items] == ["ArmsAboveHead_TR1", "Old_FW", "Old_ID"]  # TR2 is N/A
         assert [item.labels[:2] for item in items] == [
             ("transition", "arms-above-head"),
@@ -218,17 +223,17 @@ def test_100style_tables_that_are_broken(style_100, table, message):
     path = style_100 / "100STYLE" / "Frame_Cuts.csv"
     path.unlink() if table is None else path.write_text(table)
     with fails(message):
-        style100.items(root=style_100)
+        readers.style100_items(root=style_100)
 
 
 def test_100style_cut_beyond_the_end(style_100):
     write(style_100, {"100STYLE/Old/Old_FW.bvh": chain(5)})
     with fails("Old_FW.bvh: the table of cuts says frames 2 to 9; the file has 5"):
-        style100.items(root=style_100)[1].source.read()
+        readers.style100_items(root=style_100)[1].source.read()
 
 
 @pytest.mark.captures
 def test_the_whole_archive_is_found(captures):
-    items = bandai.items("bandai-2", captures)
+    items = readers.bandai_items("bandai-2", captures)
     assert len(items) == 2902 and len({item.labels[:2] for item in items}) == 70
     assert min(len(set(item.labels.texts)) for item in items) == 4

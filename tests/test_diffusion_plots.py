@@ -5,8 +5,7 @@ import torch
 from looking import cloud, near, pixels
 
 import motionkit as mk
-from motionkit.viewer import plot_film, plot_poses, plot_quality, slide
-from motionkit.viewer.diffusion_plots import SAMPLER_COLOURS
+from motionkit.lessons.diffusion import SAMPLER_COLOURS, plot_film, plot_poses, plot_quality, slide
 
 
 def test_a_film_shows_each_cloud_at_one_scale_with_its_classes():

@@ -7,8 +7,8 @@ import pytest
 import torch
 from torch import nn
 
-from motionkit.erd.fast import FastErd
-from motionkit.layers import ErdConfig, StyleErd
+from motionkit.methods.style_erd import ErdConfig, StyleErd
+from motionkit.methods.style_erd_stream import FastErd
 
 SIZES = [ErdConfig.tiny(), ErdConfig.paper(), ErdConfig((8,), 6, 2, 2, (8,))]
 

@@ -6,8 +6,8 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from motionkit import erd
 from motionkit import rotations as rot
+from motionkit.methods import style_erd
 
 
 def test_the_angle_is_half_the_rotation_whatever_the_signs():
@@ -16,13 +16,13 @@ def test_the_angle_is_half_the_rotation_whatever_the_signs():
     turns = [Rotation.from_quat(q[:, 0].numpy(), scalar_first=True) for q in (a, b)]
     wanted = torch.from_numpy((turns[0].inv() * turns[1]).magnitude() / 2) ** 2
     for sign in (1, -1):
-        assert torch.allclose(erd.quaternion_loss(a, sign * b), wanted, atol=1e-9)
+        assert torch.allclose(style_erd.quaternion_loss(a, sign * b), wanted, atol=1e-9)
     assert torch.allclose(wanted, (a * b).sum(-1).abs().acos()[:, 0] ** 2, atol=1e-9)  # as eq. 2 writes it
 
 
 def test_its_gradient_ends_where_both_are_the_same():
     a = rot.identity_quaternion(1, 3).requires_grad_()
-    erd.quaternion_loss(a, rot.identity_quaternion(1, 3)).sum().backward()
+    style_erd.quaternion_loss(a, rot.identity_quaternion(1, 3)).sum().backward()
     assert bool(a.grad.isfinite().all())
 
 
@@ -31,20 +31,20 @@ def test_rebuilding_counts_all_parts_by_their_weights():
     rotations = (rot.identity_quaternion(2, 6, 5), turned)
     places, speeds = ((torch.zeros(2, 6, 5, 3), torch.full((2, 6, 5, 3), value)) for value in (2.0, 3.0))
     wanted = 5 * 0.2**2 + 0.5 * 15 * 4 + 15 * 9
-    found = erd.rebuilding_loss(rotations, places, speeds)
+    found = style_erd.rebuilding_loss(rotations, places, speeds)
     assert found.shape == (2, 6) and torch.allclose(found, torch.full((2, 6), wanted), atol=1e-3)
 
 
 def test_adversaries_want_what_the_paper_writes():
     real, fake = torch.tensor([1.0, 0.5]), torch.tensor([-1.0, 1.0])
-    assert erd.critic_loss(real, fake).item() == pytest.approx((0 + 0.25) / 2 + (0 + 4) / 2)
-    assert erd.adversarial_loss(fake).item() == pytest.approx(1.0)  # 0 is wanted, not 1
+    assert style_erd.critic_loss(real, fake).item() == pytest.approx((0 + 0.25) / 2 + (0 + 4) / 2)
+    assert style_erd.adversarial_loss(fake).item() == pytest.approx(1.0)  # 0 is wanted, not 1
 
 
 def test_the_penalty_is_the_slope_at_real_motions():
     x = torch.randn(4, 3, 2, requires_grad=True)
     weight = torch.randn(3, 2, requires_grad=True)
-    penalty = erd.gradient_penalty((x * weight).sum((1, 2)), x)
+    penalty = style_erd.gradient_penalty((x * weight).sum((1, 2)), x)
     assert penalty.item() == pytest.approx(weight.detach().square().sum().item(), rel=1e-5)
     penalty.backward()
     assert torch.allclose(weight.grad, 2 * weight, atol=1e-5)  # so the critic can learn from it
@@ -52,9 +52,11 @@ def test_the_penalty_is_the_slope_at_real_motions():
 
 def test_totals_have_the_papers_weights():
     frames = torch.tensor([[1.0, 2.0], [3.0, 6.0]])
-    total = erd.generator_total(frames, torch.tensor(5.0), torch.tensor(7.0))
+    total = style_erd.generator_total(frames, torch.tensor(5.0), torch.tensor(7.0))
     assert total.item() == pytest.approx((3 + 9) / 2 + 5 + 0.7)
-    assert erd.critic_total(torch.tensor(1.0), torch.tensor(0.25)).item() == pytest.approx(33.0)
+    assert style_erd.critic_total(torch.tensor(1.0), torch.tensor(0.25)).item() == pytest.approx(33.0)
     with pytest.raises(ValueError):
-        erd.perceptual_loss([torch.zeros(1)], [])
-    assert math.isclose(erd.perceptual_loss([torch.zeros(2), torch.zeros(2)], [torch.ones(2), torch.ones(2)]).item(), 2)
+        style_erd.perceptual_loss([torch.zeros(1)], [])
+    assert math.isclose(
+        style_erd.perceptual_loss([torch.zeros(2), torch.zeros(2)], [torch.ones(2), torch.ones(2)]).item(), 2
+    )

@@ -6,10 +6,10 @@ from erd_small import CONTENTS, small_model
 
 import motionkit as mk
 from motionkit.actor import perform, retell
-from motionkit.arena.truths import error_against
-from motionkit.erd.new_style import NewBranch, learn_style
-from motionkit.erd.stream import ErdStream
+from motionkit.arena.transfers import error_against
 from motionkit.methods.style_erd import StyleErdMethod
+from motionkit.methods.style_erd_new_style import NewBranch, learn_style
+from motionkit.methods.style_erd_stream import ErdStream
 from motionkit.metrics import truth_error
 
 SAID = {"content_label": "walk", "content_style": "neutral"}

@@ -6,15 +6,29 @@ import pytest
 import torch
 
 import motionkit as mk
-from motionkit import erd
 from motionkit.datasets import BvhSource, Item, Labels, of_items
-from motionkit.erd import recipe as recipes
-from motionkit.erd.commands import measured, train_model
-from motionkit.erd.frames import frames_of, lowest_foot, placed_positions, split
-from motionkit.erd.labels import Guesses, Labeller, hits, train_labels
-from motionkit.erd.pieces import Pieces
-from motionkit.erd.recipe import ABLATIONS, Course, ErdRecipe, Pair, train_contents, train_erd
-from motionkit.layers import ErdConfig, FtAttCritic, MultiClassCritic, StyleErd
+from motionkit.methods import style_erd
+from motionkit.methods import style_erd as recipes
+from motionkit.methods.style_erd import (
+    ABLATIONS,
+    Course,
+    ErdConfig,
+    ErdRecipe,
+    FtAttCritic,
+    MultiClassCritic,
+    Pair,
+    Pieces,
+    StyleErd,
+    frames_of,
+    lowest_foot,
+    measured,
+    placed_positions,
+    split,
+    train_contents,
+    train_erd,
+    train_model,
+)
+from motionkit.methods.style_erd_stream import Guesses, Labeller, hits, train_labels
 
 SMALL = ErdRecipe(ErdConfig.tiny(), steps=4, batch=6, rate=1e-3, fps=30.0)
 
@@ -178,11 +192,11 @@ def test_with_a_skip_the_network_learns_what_comes_out_of_it(course, pair):
     _, same = course._answers(skip, x, heard, style, style)
     assert torch.allclose(same[1].flatten(2), x[..., 154:], atol=1e-5)
     turns = x[..., :88].unflatten(-1, (22, 4))
-    assert erd.quaternion_loss(same[0], turns).max() < 1e-4
+    assert style_erd.quaternion_loss(same[0], turns).max() < 1e-4
     rebuilt, told = course._answers(skip, x, heard, style, other)
     whole = split(skip(x, content, style, skip.weights_of(other))[0])
     assert all(torch.allclose(a, b, atol=1e-5) for a, b in zip(told, whole))
-    assert erd.quaternion_loss(rebuilt[0], turns).min() > 1e-2
+    assert style_erd.quaternion_loss(rebuilt[0], turns).min() > 1e-2
 
 
 def test_neutral_goes_to_any_style_that_its_content_has_and_styles_to_neutral(course):
@@ -208,7 +222,7 @@ def test_neither_network_learns_from_the_others_loss(course, pair):
     assert all(grad is None for key, grad in both["rec"].items() if key.startswith("critic"))
     pair.zero_grad()
     x, none = torch.randn(2, 24, 132), torch.zeros(2, dtype=torch.long)
-    erd.adversarial_loss(pair.judged(x, none, none)).sum()
+    style_erd.adversarial_loss(pair.judged(x, none, none)).sum()
     assert all(w.grad is None for w in pair.critic.parameters())
     assert any(float((both["all"][key] - both["rec"][key]).abs().max()) > 0 for key in both["all"] if "decoder" in key)
     assert any(float(grad.abs().max()) > 0 for key, grad in both["all"].items() if key.startswith("critic"))

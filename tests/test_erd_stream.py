@@ -7,11 +7,8 @@ from erd_small import CONTENTS, STYLES, small_model
 
 import motionkit as mk
 from motionkit.actor import perform
-from motionkit.erd.frames import frames_of, motion_from, split
-from motionkit.erd.labels import Guesses, Labeller
-from motionkit.erd.model import ErdModel
-from motionkit.erd.quick_body import QuickBody
-from motionkit.erd.stream import ErdStream
+from motionkit.methods.style_erd import ErdModel, frames_of, motion_from, split
+from motionkit.methods.style_erd_stream import ErdStream, Guesses, Labeller, QuickBody
 
 PLAIN = {"content": "walk", "own_style": "neutral"}
 
@@ -223,4 +220,3 @@ def test_a_dial_that_is_turned_all_the_time_is_followed_all_the_time(model):
     turning = [{"old": 1 - n / 60, "proud": n / 60} for n in range(61)]
     shares = given(ErdStream(model, "old", **PLAIN, fade=0.5), turning)[:, 2]
     assert (np.diff(shares) >= 0).all() and (shares[15:] > np.arange(15, 61) / 60 - 0.16).all()
-

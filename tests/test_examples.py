@@ -9,7 +9,7 @@ import torch
 
 import make_examples
 import motionkit as mk
-from motionkit.actor import CONTENTS, SEEN, UNSEEN, creatures
+from motionkit.actor import CONTENTS, SEEN, UNSEEN, performing
 from motionkit.contacts import foot_contacts
 
 FOLDER = Path(__file__).resolve().parent.parent / "data" / "actor"
@@ -28,7 +28,7 @@ def test_every_content_style_and_creature_is_shown(examples):
     assert set(shown) >= set(CONTENTS)
     assert {clip.style for clip in examples} == {*SEEN, *UNSEEN}
     assert {clip.style for clip in examples.filter(content="walk", performer="person 01")} == {*SEEN, *UNSEEN}
-    assert {clip.performer.split(" ")[0] for clip in examples} == {"person", *creatures.CREATURES}
+    assert {clip.performer.split(" ")[0] for clip in examples} == {"person", *performing.CREATURES}
     assert 30 <= len(examples) <= 40 and all(len(clip.texts) == 4 for clip in examples)
 
 

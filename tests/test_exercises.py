@@ -4,20 +4,20 @@ import pytest
 import torch
 
 import motionkit as mk
-from motionkit import exercises
+from motionkit import lessons
 
 
-@pytest.mark.parametrize("name", exercises.names())
+@pytest.mark.parametrize("name", lessons.names())
 def test_the_reference_passes_and_a_stub_does_not(name, capsys):
-    assert exercises.check(name, exercises._EXERCISES[name].reference)
-    assert not exercises.check(name, lambda *args: None)
+    assert lessons.check(name, lessons._EXERCISES[name].reference)
+    assert not lessons.check(name, lambda *args: None)
     assert "not tried yet" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", exercises.names())
+@pytest.mark.parametrize("name", lessons.names())
 def test_a_wrong_answer_gets_a_hint(name, capsys):
-    reference = exercises._EXERCISES[name].reference
-    assert not exercises.check(name, lambda *args: torch.as_tensor(reference(*args)) + 0.1)
+    reference = lessons._EXERCISES[name].reference
+    assert not lessons.check(name, lambda *args: torch.as_tensor(reference(*args)) + 0.1)
     assert "Hint:" in capsys.readouterr().out
 
 
@@ -39,13 +39,11 @@ def slides(motion, contacts, places, pairs):
     ],
 )
 def test_plausible_but_wrong_sliding_is_caught(places, pairs):
-    assert not exercises.check("foot_sliding", lambda m, c: slides(m, c, places, pairs))
+    assert not lessons.check("foot_sliding", lambda m, c: slides(m, c, places, pairs))
 
 
 def test_right_sliding_passes():
-    assert exercises.check(
-        "foot_sliding", lambda m, c: slides(m, c, lambda p: p[..., [0, 2]], lambda c: c[1:] & c[:-1])
-    )
+    assert lessons.check("foot_sliding", lambda m, c: slides(m, c, lambda p: p[..., [0, 2]], lambda c: c[1:] & c[:-1]))
 
 
 def test_an_unguarded_slerp_is_caught(capsys):
@@ -54,28 +52,28 @@ def test_an_unguarded_slerp_is_caught(capsys):
         angle = torch.acos((a * b).sum(-1, keepdim=True))
         return (torch.sin((1 - t) * angle) * a + torch.sin(t * angle) * b) / torch.sin(angle)
 
-    assert not exercises.check("slerp", bare)
+    assert not lessons.check("slerp", bare)
     assert "not finite" in capsys.readouterr().out
 
 
 def test_common_slips_are_named(capsys):
-    angle = exercises._EXERCISES["swing_angle"].reference
+    angle = lessons._EXERCISES["swing_angle"].reference
     for mine, part in (
         (lambda a, b: torch.rad2deg(angle(a, b)), "degrees?"),
         (lambda a, b: angle(a, b) / 2, "half the right"),
         (lambda a, b: (angle(a, b), 1), "not a tuple"),
     ):
-        assert not exercises.check("swing_angle", mine)
+        assert not lessons.check("swing_angle", mine)
         assert part in capsys.readouterr().out
 
 
 def test_errors_and_shapes_are_put_in_words(capsys):
-    assert not exercises.check("slerp", lambda a: a)
+    assert not lessons.check("slerp", lambda a: a)
     assert "TypeError" in capsys.readouterr().out
-    assert not exercises.check("slerp", lambda a, b, t: torch.zeros(3))
+    assert not lessons.check("slerp", lambda a, b, t: torch.zeros(3))
     assert "shape is [3]" in capsys.readouterr().out
     with pytest.raises(mk.MotionKitError, match="did you mean 'slerp'"):
-        exercises.check("slurp", print)
+        lessons.check("slurp", print)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +85,7 @@ def test_errors_and_shapes_are_put_in_words(capsys):
     ],
 )
 def test_a_split_that_leaks_or_is_unfair_is_caught(wrong):
-    assert not exercises.check("take_split", wrong)
+    assert not lessons.check("take_split", wrong)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +97,7 @@ def test_a_split_that_leaks_or_is_unfair_is_caught(wrong):
     ],
 )
 def test_a_mean_that_counts_padding_is_caught(wrong):
-    assert not exercises.check("masked_mean", wrong)
+    assert not lessons.check("masked_mean", wrong)
 
 
 @pytest.mark.parametrize(
@@ -111,4 +109,4 @@ def test_a_mean_that_counts_padding_is_caught(wrong):
     ],
 )
 def test_unbalanced_chances_are_caught(wrong):
-    assert not exercises.check("balanced_chances", wrong)
+    assert not lessons.check("balanced_chances", wrong)

@@ -11,8 +11,8 @@ from looking import cloud, near, pixels
 from plotly.callbacks import Points
 
 import motionkit as mk
-from motionkit.viewer import embed, feature_map
-from motionkit.viewer import feature_maps as maps
+from motionkit.lessons import judging as maps
+from motionkit.lessons.judging import embed, feature_map
 
 PLOTLY, VIEW = "application/vnd.plotly.v1+json", "application/vnd.jupyter.widget-view+json"
 

@@ -7,7 +7,7 @@ import torch
 import motionkit as mk
 from motionkit import rotations as rot
 from motionkit.features import FacingFree, Graph, HumanML3D, Normalizer, SixD, StyleERD, motion_from_positions
-from motionkit.features.frames import body_frames, forward_difference, integrate
+from motionkit.features.canonical import body_frames, forward_difference, integrate
 from motionkit.skeleton import Skeleton, smpl
 
 INVARIANT = [FacingFree, HumanML3D, StyleERD]

@@ -2,7 +2,6 @@
 
 import gzip
 import hashlib
-import importlib
 import io
 import json
 import logging
@@ -18,9 +17,7 @@ import pytest
 from small_files import fails
 from test_bvh import CHAIN
 
-from motionkit.datasets import bandai, download
-
-fetching = importlib.import_module("motionkit.datasets.fetch")  # the function of that name hides the module
+from motionkit.datasets import captures, download
 
 CLIPS = [f"data/dataset-2_walk_elderly_{take:03d}" for take in range(1, 6)]
 FILES = {f"{clip}.bvh": CHAIN.replace("5 6 7", f"{n} 6 7").encode() for n, clip in enumerate(CLIPS)}
@@ -100,7 +97,7 @@ def small(tmp_path, monkeypatch, server, waits):
     told = {"name": "bandai-2", "address": server.address, "folder": "dataset", "about": about, "files": files}
     (tmp_path / "manifests").mkdir()
     (tmp_path / "manifests" / "bandai-2.json.gz").write_bytes(gzip.compress(json.dumps(told).encode()))
-    monkeypatch.setattr(fetching, "MANIFESTS", tmp_path / "manifests")
+    monkeypatch.setattr(download, "MANIFESTS", tmp_path / "manifests")
     monkeypatch.setattr(download, "_PIECE", 1000)
     monkeypatch.setenv("MOTIONKIT_CACHE", str(tmp_path / "cache"))
     monkeypatch.delenv("MOTIONKIT_DATA", raising=False)
@@ -119,54 +116,54 @@ def whole(target: Path) -> None:
 
 
 def test_fetched_data_are_found(server, tmp_path, capsys):
-    target = fetching.fetch("bandai-2")
+    target = download.fetch("bandai-2")
     assert target == tmp_path / "cache" / "captures" / "bandai-2"
     whole(target)
     told = capsys.readouterr().out
     assert "CC BY-NC 4.0: not for sale." in told and "(c) somebody; please cite them." in told
-    assert [item.name for item in bandai.items("bandai-2")] == [clip.removeprefix("data/") for clip in CLIPS]
-    assert fetching.fetch("bandai-2") == target and len(server.asked) == 1
+    assert [item.name for item in captures.bandai_items("bandai-2")] == [clip.removeprefix("data/") for clip in CLIPS]
+    assert download.fetch("bandai-2") == target and len(server.asked) == 1
     assert logging.getLogger("pooch").level != logging.WARNING
 
 
 def test_fetched_where_told_to(server, tmp_path, monkeypatch):
-    whole(fetching.fetch("bandai-2", tmp_path / "a" / "b"))
+    whole(download.fetch("bandai-2", tmp_path / "a" / "b"))
     monkeypatch.setenv("MOTIONKIT_DATA", str(tmp_path / "c"))
-    whole(fetching.fetch("bandai-2"))
-    assert len(bandai.items("bandai-2")) == len(CLIPS) and (tmp_path / "c" / "bandai-2").is_dir()
+    whole(download.fetch("bandai-2"))
+    assert len(captures.bandai_items("bandai-2")) == len(CLIPS) and (tmp_path / "c" / "bandai-2").is_dir()
 
 
 def test_a_dropped_download_goes_on(server, waits, tmp_path):
     server.drops = [10_000, 0, 5_000]
-    whole(fetching.fetch("bandai-2", tmp_path / "x"))
+    whole(download.fetch("bandai-2", tmp_path / "x"))
     assert server.asked == [None, "bytes=10000-", "bytes=10000-", "bytes=15000-"]
     assert waits == [1, 2, 1]
 
 
 def test_a_server_without_ranges_starts_again(server, waits, tmp_path):
     server.ranges, server.drops = False, [10_000, 8_000, 20_000]
-    whole(fetching.fetch("bandai-2", tmp_path / "x"))
+    whole(download.fetch("bandai-2", tmp_path / "x"))
     assert server.asked == [None, "bytes=10000-", "bytes=8000-", "bytes=20000-"] and waits == [1, 2, 1]
 
 
 def test_a_server_that_sends_another_part(server, tmp_path):
     server.ranges, server.drops = "wrong", [10_000]
-    whole(fetching.fetch("bandai-2", tmp_path / "x"))
+    whole(download.fetch("bandai-2", tmp_path / "x"))
     assert server.asked == [None, "bytes=10000-", None]
 
 
 def test_a_busy_server_is_asked_again(server, waits, tmp_path):
     server.status = [503, 429, 500]
-    whole(fetching.fetch("bandai-2", tmp_path / "x"))
+    whole(download.fetch("bandai-2", tmp_path / "x"))
     assert waits == [1, 2, 4]
 
 
 def test_a_download_given_up_goes_on_at_the_next_call(server, waits, tmp_path):
     server.drops = [10_000, 0, 0, 0, 0]
     with fails(r"a.zip: the download stopped after 0.0 MB, and 5 tries in a row brought no more .*call fetch again"):
-        fetching.fetch("bandai-2", tmp_path / "x")
+        download.fetch("bandai-2", tmp_path / "x")
     assert waits == [1, 2, 4, 8] and left(tmp_path / "x") == [".bandai-2.zip.part"]
-    whole(fetching.fetch("bandai-2", tmp_path / "x"))
+    whole(download.fetch("bandai-2", tmp_path / "x"))
     assert server.asked[-1] == "bytes=10000-"
 
 
@@ -184,7 +181,7 @@ def test_a_part_that_is_whole_or_of_something_else(server, tmp_path):
     for content in (server.body, server.body + b"more"):
         (tmp_path / "x").mkdir(exist_ok=True)
         (tmp_path / "x" / ".bandai-2.zip.part").write_bytes(content)
-        whole(fetching.fetch("bandai-2", tmp_path / "x"))
+        whole(download.fetch("bandai-2", tmp_path / "x"))
         (tmp_path / "x" / "bandai-2").rename(tmp_path / "first")
         (tmp_path / "first").rename(tmp_path / f"done{len(content)}")
 
@@ -193,15 +190,15 @@ def test_a_part_that_is_whole_or_of_something_else(server, tmp_path):
 def test_a_server_that_refuses(server, waits, tmp_path, status):
     server.status = [status]
     with fails(f"a.zip: the server answered {status} .*open the address in a browser"):
-        fetching.fetch("bandai-2", tmp_path / "x")
+        download.fetch("bandai-2", tmp_path / "x")
     assert waits == [] and left(tmp_path / "x") == []
 
 
 def test_no_server_at_all(server, tmp_path):
     with fails("the download stopped after 0.0 MB, and 5 tries"):
-        fetching.fetch("bandai-2", tmp_path / "x", address="http://127.0.0.1:1/a.zip")
+        download.fetch("bandai-2", tmp_path / "x", address="http://127.0.0.1:1/a.zip")
     with fails("nowhere: cannot be downloaded: .*mend the address"):
-        fetching.fetch("bandai-2", tmp_path / "x", address="nowhere")
+        download.fetch("bandai-2", tmp_path / "x", address="nowhere")
     assert left(tmp_path / "x") == []
 
 
@@ -248,10 +245,10 @@ def test_what_is_not_the_published_archive(server, tmp_path, kind):
     server.body, server.length = body, kind != "cut short"  # without a length nobody notices that the end is missing
     before = set(tmp_path.rglob("*"))
     with fails(f"bandai-2: .*({message}).*fetch again"):
-        fetching.fetch("bandai-2", tmp_path / "x")
+        download.fetch("bandai-2", tmp_path / "x")
     assert set(tmp_path.rglob("*")) - before == {tmp_path / "x"}
     server.body, server.length = packed(FILES), True
-    whole(fetching.fetch("bandai-2", tmp_path / "x"))
+    whole(download.fetch("bandai-2", tmp_path / "x"))
 
 
 def test_a_size_that_lies(server, tmp_path):
@@ -259,55 +256,55 @@ def test_a_size_that_lies(server, tmp_path):
     bomb = packed(FILES | {f"{CLIPS[0]}.json": b" " * 10**7})
     server.body = bomb.replace((10**7).to_bytes(4, "little"), (26).to_bytes(4, "little"))
     with fails("bandai-2: .*(no whole zip archive|SHA-256 is another)"):
-        fetching.fetch("bandai-2", tmp_path / "x")
+        download.fetch("bandai-2", tmp_path / "x")
     assert left(tmp_path / "x") == []
 
 
 def test_an_interrupted_unpacking_is_made_good(server, tmp_path, monkeypatch):
-    real = fetching._copy
+    real = download._copy
 
     def interrupted(*args):
         if args[2].name.endswith("003.json"):
             raise KeyboardInterrupt
         real(*args)
 
-    monkeypatch.setattr(fetching, "_copy", interrupted)
+    monkeypatch.setattr(download, "_copy", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        fetching.fetch("bandai-2", tmp_path / "x")
+        download.fetch("bandai-2", tmp_path / "x")
     assert left(tmp_path / "x") == [".bandai-2.zip"]
     (tmp_path / "x" / ".bandai-2.unpacking" / "data").mkdir(parents=True)  # as if the machine had gone down
-    monkeypatch.setattr(fetching, "_copy", real)
-    whole(fetching.fetch("bandai-2", tmp_path / "x"))
+    monkeypatch.setattr(download, "_copy", real)
+    whole(download.fetch("bandai-2", tmp_path / "x"))
     assert len(server.asked) == 1
 
 
 def test_data_that_are_there_but_not_whole(server, tmp_path):
-    target = fetching.fetch("bandai-2", tmp_path / "x")
+    target = download.fetch("bandai-2", tmp_path / "x")
     (target / f"{CLIPS[1]}.bvh").write_bytes(b"short")
     with fails(
         f"002.bvh: expected {len(FILES[CLIPS[1] + '.bvh'])} bytes, as published; found 5 bytes; move .* out of the way"
     ):
-        fetching.fetch("bandai-2", tmp_path / "x")
+        download.fetch("bandai-2", tmp_path / "x")
     (target / f"{CLIPS[1]}.bvh").unlink()
     with fails("002.bvh: expected .* found no such file"):
-        fetching.fetch("bandai-2", tmp_path / "x")
+        download.fetch("bandai-2", tmp_path / "x")
 
 
 def test_a_place_that_cannot_be(server, tmp_path):
     (tmp_path / "file").write_text("")
     with fails("file: expected a folder to put bandai-2 in; found a file"):
-        fetching.fetch("bandai-2", tmp_path / "file")
+        download.fetch("bandai-2", tmp_path / "file")
     with fails("cannot be written: .*is the folder yours"):
-        fetching.fetch("bandai-2", tmp_path / "file" / "below")
+        download.fetch("bandai-2", tmp_path / "file" / "below")
     with fails("cannot fetch 'xia'; this can be fetched: 'bandai-2'"):
-        fetching.fetch("xia")
+        download.fetch("xia")
 
 
 def test_the_manifest_is_that_of_the_archive(captures, monkeypatch, tmp_path):
     import make_manifest
 
     monkeypatch.undo()
-    manifest = fetching.read_manifest("bandai-2")
+    manifest = download.read_manifest("bandai-2")
     assert make_manifest.files_in(captures) == manifest.files
     assert make_manifest.OUT.stat().st_size < 250_000
     assert make_manifest.COMMIT in manifest.address and manifest.about == make_manifest.ABOUT
@@ -315,7 +312,7 @@ def test_the_manifest_is_that_of_the_archive(captures, monkeypatch, tmp_path):
 
 def test_the_manifest_lists_every_clip(monkeypatch):
     monkeypatch.undo()
-    manifest = fetching.read_manifest("bandai-2")
+    manifest = download.read_manifest("bandai-2")
     clips = [place for place in manifest.files if place.endswith(".bvh")]
     assert len(clips) == 2902 and all(f"{clip[:-4]}.json" in manifest.files for clip in clips)
     assert {"LICENSE", "cfg/style_label.txt"} < set(manifest.files)

@@ -7,25 +7,26 @@ import pytest
 import torch
 
 import motionkit as mk
-from motionkit import fewshot, sampling, text
+from motionkit import sampling, text
 from motionkit.actor import perform, retell
-from motionkit.arena.truths import error_against
+from motionkit.arena.transfers import error_against
 from motionkit.features import FacingFree
-from motionkit.fewshot import Adapter, Chain, Contents, LearnedStyle, Lesson, Recipe, blended, neutral_pair, teach
 from motionkit.layers import Denoiser, TransformerConfig, semantic_loss
-from motionkit.priors.prior import Prior
+from motionkit.methods.few_shot import Adapter, Contents, LearnedStyle, Lesson, Recipe, blended, neutral_pair, teach
+from motionkit.methods.text_to_motion import Prior
+from motionkit.sampling import Chain
 
 PROMPT = "an old person is walking"
 
 
 @pytest.fixture(scope="module")
 def prior() -> Prior:
-    return mk.priors.load("actor")
+    return mk.methods.text_to_motion.load("actor")
 
 
 @pytest.fixture(scope="module")
 def judge():
-    return mk.priors.load_discriminator("actor")
+    return mk.methods.text_to_motion.load_discriminator("actor")
 
 
 @pytest.fixture(scope="module")
@@ -100,9 +101,9 @@ def test_losses_by_hand(lesson, prior, judge):
         cosines = torch.nn.functional.cosine_similarity(judge.network(y), told)
         assert float(found) == pytest.approx(float((1 - cosines).mean()), abs=1e-4)  # eq. 11
         assert float(found) == pytest.approx(float(semantic_loss(judge.network(y), told)), abs=1e-4)
-    total = fewshot.total_loss(torch.tensor(2.0), torch.tensor(3.0), (1.0, 0.1))  # eq. 12
+    total = sampling.total_loss(torch.tensor(2.0), torch.tensor(3.0), (1.0, 0.1))  # eq. 12
     assert float(total) == pytest.approx(2.3)
-    assert float(fewshot.reconstruction_loss(torch.zeros(6, 1, 4, 2), torch.ones(4, 2))) == 1.0
+    assert float(sampling.reconstruction_loss(torch.zeros(6, 1, 4, 2), torch.ones(4, 2))) == 1.0
 
 
 def test_pair_is_neutral_and_keeps_the_path(prior, walk):

@@ -8,8 +8,16 @@ import torch
 import motionkit as mk
 from motionkit.actor import perform
 from motionkit.datasets import BvhSource, Item, Labels, of_items
-from motionkit.fewshot import ABLATIONS, ConvAutoencoder, Direct, Recipe, sweep_change, sweep_noise, with_autoencoder
-from motionkit.fewshot import autoencoder as ae
+from motionkit.methods import few_shot as ae
+from motionkit.methods.few_shot import (
+    ABLATIONS,
+    ConvAutoencoder,
+    Direct,
+    Recipe,
+    sweep_change,
+    sweep_noise,
+    with_autoencoder,
+)
 
 QUICK = {"steps": 2, "batch": 1, "pair_steps": 4}
 
@@ -46,7 +54,7 @@ def test_rows_of_table_3_differ_in_their_part_alone():
 
 
 def test_the_autoencoder_learns_to_give_motions_back(method, library, monkeypatch):
-    monkeypatch.setattr(ae, "BATCH", 4)
+    monkeypatch.setattr(ae, "_AE_BATCH", 4)
     prior = with_autoencoder(method.prior, library, steps=60, title="")
     x = method.prior.encode(library[0].motion)
     fresh = ConvAutoencoder(x.shape[1])

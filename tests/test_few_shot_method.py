@@ -7,10 +7,10 @@ import torch
 
 import motionkit as mk
 from motionkit.actor import perform, retell
-from motionkit.arena.truths import error_against
+from motionkit.arena.transfers import error_against
 from motionkit.datasets import BvhSource, Item, Labels, of_items
-from motionkit.fewshot import Adapter, LearnedStyle, Recipe
 from motionkit.layers import Denoiser
+from motionkit.methods.few_shot import Adapter, LearnedStyle, Recipe
 
 QUICK = Recipe(steps=2, batch=1, pair_steps=10)
 
@@ -172,8 +172,11 @@ def test_in_the_arena(library):
         (lambda m, w: m.stylize(w, style="old.safetensors"), r"read it first: method.load_style\('old.safetensors'\)"),
         (lambda m, w: m.stylize(w, style="old.bvh"), r"read it first: mk.load\('old.bvh'\)"),
         (lambda m, w: m.stylize(w, style="old", strength=50), "strength must be a number from -5 to 5"),
-        (lambda m, w: mk.methods.load("few-shot", recipe="laptop"), "a recipe is mk.fewshot.Recipe.laptop"),
-        (lambda m, w: mk.methods.load("few-shot", recipe=Recipe.laptop), "a recipe is mk.fewshot.Recipe.laptop"),
+        (lambda m, w: mk.methods.load("few-shot", recipe="laptop"), "a recipe is mk.methods.few_shot.Recipe.laptop"),
+        (
+            lambda m, w: mk.methods.load("few-shot", recipe=Recipe.laptop),
+            "a recipe is mk.methods.few_shot.Recipe.laptop",
+        ),
         (lambda m, w: mk.methods.load("few-shot", space="actor"), "space is a StyleSpace"),
         (lambda m, w: mk.methods.load("few-shot", seed="a"), "a seed is a whole number"),
         (lambda m, w: m.stylize(w, style="a person walks"), "says nothing of a style"),

@@ -4,10 +4,11 @@ On the same kind of processor it is the same to the last bit; on another one, wh
 (a network's recurrences carry such differences on).
 """
 
-import make_golden
 import pytest
 import torch
 from safetensors import safe_open
+
+import make_golden
 
 
 @pytest.fixture(scope="module")

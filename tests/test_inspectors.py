@@ -8,7 +8,7 @@ import torch
 
 import motionkit as mk
 from motionkit.features import FacingFree, Graph, HumanML3D, SixD, StyleERD
-from motionkit.viewer import facing_view, feature_inspector, plot_layouts, plot_paddle, plot_paths
+from motionkit.lessons.layouts import facing_view, feature_inspector, plot_layouts, plot_paddle, plot_paths
 
 TRAITS = ("_points", "_values", "_look", "_kind", "_still", "frame", "number")
 PAGE = """<style>%s</style><body><div id="here"></div><script type="module">
@@ -132,7 +132,9 @@ def test_in_jupyterlab_the_live_views_take_the_place_of_their_stills(tmp_path):
         f"import motionkit as mk\nwalk = mk.load({str(lab.ROOT / 'data' / 'actor' / 'walk_turn_left_neutral.bvh')!r})\n"
     )
     lab.write_notebook(
-        tmp_path / "t.ipynb", start + "mk.viewer.facing_view(walk)", "mk.viewer.feature_inspector(walk, number=14)"
+        tmp_path / "t.ipynb",
+        start + "mk.lessons.layouts.facing_view(walk)",
+        "mk.lessons.layouts.feature_inspector(walk, number=14)",
     )
     with lab.Lab(tmp_path) as server, server.open("t.ipynb", height=1400) as page:
         page.run_all()

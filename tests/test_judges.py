@@ -7,11 +7,10 @@ import torch
 
 import motionkit as mk
 from motionkit import checkpoints, judges, metrics
-from motionkit.datasets import Labels, Split, made, of_items
-from motionkit.datasets.made import ActorSource
+from motionkit.datasets import Labels, Split, of_items, performed
+from motionkit.datasets.performed import ActorSource
 from motionkit.datasets.sources import Item, Recording
-from motionkit.judges import recipes
-from motionkit.judges.poses import cut, joint_numbers, joint_turns
+from motionkit.judges import cut, joint_numbers, joint_turns
 from motionkit.layers import StGcnConfig
 from motionkit.rotations import normalize, quaternion_angle
 from motionkit.training import Schedule
@@ -145,7 +144,7 @@ def test_a_single_frame_cannot_tell_which_way_the_film_runs():
         items = [Item(f"{how}_{n}", Labels("walk", how, ()), kind("walk", "old", n, n, 4.0)) for n, how, kind in pairs]
         parts.append(of_items(part, items))
     split = Split(parts[0], parts[0][:0], parts[1])
-    assert recipes.single_frame_accuracy("style", split, Schedule(20, rate=1e-2), title="") == pytest.approx(50, abs=2)
+    assert judges.single_frame_accuracy("style", split, Schedule(20, rate=1e-2), title="") == pytest.approx(50, abs=2)
     moving = judges.train_classifier("style", split, StGcnConfig.tiny(), Schedule(80, rate=1e-2), title="")
     assert moving.accuracy(split.test) == 100
 
@@ -181,12 +180,12 @@ def test_the_denoising_loss_is_the_angle_to_the_clean_rotation():
 
 def test_the_command_trains_all_three_and_load_finds_them(tmp_path, monkeypatch, small):
     monkeypatch.setenv("MOTIONKIT_CHECKPOINTS", str(tmp_path))
-    monkeypatch.setattr(recipes, "single_frame_accuracy", lambda *_, **__: 50.0)
+    monkeypatch.setattr(judges, "single_frame_accuracy", lambda *_, **__: 50.0)
     whole = of_items("whole", [Item(c.name, c.labels, ActorSource(c.content, c.style, n, 40 + n, 5.0))
                                for part in (small.train, small.test) for n, c in enumerate(part)])  # fmt: skip
     monkeypatch.setattr(type(whole), "split", lambda self: small)
-    for part in recipes.PARTS:
-        recipes.train_part(part, whole, StGcnConfig.tiny(), 3, 0, "a command")
+    for part in judges.PARTS:
+        judges.train_part(part, whole, StGcnConfig.tiny(), 3, 0, "a command")
     assert checkpoints.names() == ["whole-autoencoder", "whole-content", "whole-style"]
     assert not list(tmp_path.glob("*.run"))
     found = judges.load("whole")
@@ -211,7 +210,7 @@ def test_cards_reach_the_figures_and_say_all(name, label):
 
 def test_the_shipped_actor_judge_keeps_its_cards_word():
     """Every second of the test clips, made anew."""
-    items = [item for item in made.items("actor") if item.labels.split == "test"][::2]
+    items = [item for item in performed.items("actor") if item.labels.split == "test"][::2]
     clips = of_items("actor", items)
     judge = judges.load("actor")
     for label in ("content", "style"):

@@ -10,7 +10,9 @@ from looking import cloud, near, pixels
 from matplotlib.patches import Ellipse
 
 import motionkit as mk
-from motionkit.viewer import LossCurve, cloud_explorer, judging_plots, plot_clouds, plot_confusion
+from motionkit.lessons import judging
+from motionkit.lessons.judging import cloud_explorer, plot_clouds, plot_confusion
+from motionkit.viewer import LossCurve
 
 TRAINING = """
 import motionkit as mk
@@ -50,7 +52,7 @@ def test_clouds_can_be_drawn_into_given_axes_and_stay_small():
     assert all(len(line.get_xdata()) <= 2000 for line in picture.axes[0].lines)
     drawn = picture._repr_png_()
     assert len(drawn) < 60_000
-    assert all(near(pixels(drawn), ink, 60) > 300 for ink in judging_plots.CLOUD_COLOURS)
+    assert all(near(pixels(drawn), ink, 60) > 300 for ink in judging.CLOUD_COLOURS)
     assert plot_clouds(cloud(9), cloud(9), ax=picture.axes[0]) is picture
 
 

@@ -8,7 +8,7 @@ import torch
 import motionkit as mk
 from motionkit import rotations as rot
 from motionkit.actor import perform
-from motionkit.keypoints import filled, motion_from_keypoints, smoothed
+from motionkit.video import filled, motion_from_keypoints, smoothed
 
 COCO = [f"{s}_{r}" for r in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist") for s in ("left", "right")]
 
@@ -102,7 +102,7 @@ def test_bad_keypoints(points, names, fps, message):
 
 def test_a_style_from_keypoints(walk):
     """The whole way of paper 1, section 5.1: keypoints, motion, a style that is learned."""
-    from motionkit.fewshot import Recipe
+    from motionkit.methods.few_shot import Recipe
 
     recipe = Recipe(steps=1, batch=1, pair_steps=5, weights=(1.0, 0.0))
     method = mk.methods.load("few-shot", recipe=recipe)

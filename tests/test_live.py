@@ -10,7 +10,7 @@ from erd_small import small_model
 import motionkit as mk
 from motionkit.actor import perform
 from motionkit.methods.style_erd import StyleErdMethod
-from motionkit.viewer.live import Endless, Live
+from motionkit.viewer.widgets import Endless, Live
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,8 @@ from rigs import flexion
 import motionkit as mk
 from motionkit.contacts import foot_contacts, foot_sliding
 from motionkit.features import FacingFree
-from motionkit.methods.statistics import match_statistics, velocity_factor, warp_velocity
+from motionkit.methods.base import velocity_factor, warp_velocity
+from motionkit.methods.baselines import match_statistics
 from motionkit.metrics import jitter
 
 

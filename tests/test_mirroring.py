@@ -8,7 +8,7 @@ import torch
 import motionkit as mk
 from motionkit import Motion, MotionKitError, Skeleton
 from motionkit import rotations as rot
-from motionkit.mirroring import _choose_flips
+from motionkit.motion import _choose_flips
 
 PI = torch.pi
 X, Y, Z = torch.eye(3, dtype=torch.float64)
@@ -179,9 +179,7 @@ def test_any_rotations_at_all_come_back_and_keep_their_bones():
     """Even where no flip is right: random poses, and a skeleton whose sides are a few per cent apart."""
     generator = torch.Generator().manual_seed(0)
     skeleton, _ = make("bandai")
-    uneven = skeleton.offsets * (
-        1 + 0.03 * torch.rand(len(BODY), 1, generator=generator, dtype=torch.float64)
-    )
+    uneven = skeleton.offsets * (1 + 0.03 * torch.rand(len(BODY), 1, generator=generator, dtype=torch.float64))
     skeleton = Skeleton(skeleton.names, skeleton.parents, uneven)
     q = rot.normalize(torch.randn(20, len(BODY), 4, generator=generator, dtype=torch.float64))
     m = Motion.from_root(skeleton, q, torch.randn(20, 3, generator=generator, dtype=torch.float64), 30)
@@ -195,9 +193,7 @@ def test_any_rotations_at_all_come_back_and_keep_their_bones():
 @pytest.mark.parametrize("rig", RIGS)
 def test_joints_that_move_through_their_positions_are_mirrored_too(rig):
     m = act(rig, *walk(), channels=True)
-    jitter = 0.02 * torch.randn(
-        m.translations.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64
-    )
+    jitter = 0.02 * torch.randn(m.translations.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
     m = m.replace(translations=m.translations + jitter)
     assert torch.allclose(m.mirror().positions(), reflected(m), atol=1e-9)
 
@@ -238,9 +234,7 @@ def test_gradients_pass_through():
     m = act("bandai", *walk(frames=8))
     q = m.rotations.clone().requires_grad_()
     m.replace(rotations=q).mirror().positions()[:, NAMES.index("LeftHand")].sum().backward()
-    assert (
-        q.grad[:, NAMES.index("RightArm")].abs().max() > 0
-    )  # the left hand now hangs on what was the right arm
+    assert q.grad[:, NAMES.index("RightArm")].abs().max() > 0  # the left hand now hangs on what was the right arm
     assert torch.isfinite(q.grad).all()
 
 
@@ -281,9 +275,7 @@ def test_twins_whose_parents_are_no_twins_are_refused():
     twins = list(range(len(BODY)))
     a, b = NAMES.index("LeftHand"), NAMES.index("RightHand")
     twins[a], twins[b] = b, a
-    with pytest.raises(
-        MotionKitError, match="'LeftHand' and 'RightHand' are mirror twins, but their parents"
-    ):
+    with pytest.raises(MotionKitError, match="'LeftHand' and 'RightHand' are mirror twins, but their parents"):
         act("world", *walk()).mirror(twins)
 
 
@@ -292,9 +284,7 @@ def test_a_rest_pose_that_is_no_mirror_image_is_refused():
     offsets = m.skeleton.offsets.clone()
     offsets[NAMES.index("LeftLeg")] = torch.tensor([0.3, 0.3, 0.0])  # one thigh at right angles to the other
     s = Skeleton(m.skeleton.names, m.skeleton.parents, offsets)
-    with pytest.raises(
-        MotionKitError, match="the bone to 'LeftLeg' is no mirror image of the bone to 'RightLeg'"
-    ):
+    with pytest.raises(MotionKitError, match="the bone to 'LeftLeg' is no mirror image of the bone to 'RightLeg'"):
         m.replace(skeleton=s).mirror()
 
 

@@ -52,9 +52,7 @@ def same(a: Motion, b: Motion, tolerance: float = 1e-9) -> bool:
 # construction
 
 
-@pytest.mark.parametrize(
-    "what, shape", [("rotations", (60, 6, 4)), ("rotations", (60, 7, 3)), ("rotations", (60, 7))]
-)
+@pytest.mark.parametrize("what, shape", [("rotations", (60, 6, 4)), ("rotations", (60, 7, 3)), ("rotations", (60, 7))])
 def test_wrong_shapes_are_refused(what, shape):
     with pytest.raises(MotionKitError, match=rf"expected {what} \[60, 7, 4\].*found"):
         spinning().replace(**{what: torch.zeros(shape)})
@@ -83,9 +81,7 @@ def test_arrays_are_refused_with_the_way_out():
 def test_numbers_that_are_not_finite_are_refused_by_joint_and_frame(what, value):
     numbers = getattr(spinning(), what).clone()
     numbers[41, 3, 2] = value
-    with pytest.raises(
-        MotionKitError, match=f"{what} of joint 'right_hip' in frame 41 is not a finite number"
-    ):
+    with pytest.raises(MotionKitError, match=f"{what} of joint 'right_hip' in frame 41 is not a finite number"):
         spinning().replace(**{what: numbers})
 
 
@@ -202,9 +198,7 @@ def test_resampling_to_no_frame_rate_is_refused(fps):
 def test_frames_between_frames():
     m = spinning()
     between = m.at(torch.tensor([0.5, 10.0, 58.75]))
-    assert torch.allclose(
-        between.translations[:, 0, 0] * 30, torch.tensor([0.5, 10.0, 58.75], dtype=torch.float64)
-    )
+    assert torch.allclose(between.translations[:, 0, 0] * 30, torch.tensor([0.5, 10.0, 58.75], dtype=torch.float64))
     assert same(m.at(torch.tensor([-5.0, 99.0])), concatenate([m[0], m[-1]]))
     with pytest.raises(MotionKitError, match="no frames to read"):
         m[:0].at(torch.tensor([0.0]))

@@ -112,9 +112,7 @@ def test_the_check_sees_widget_state_and_broken_files(tmp_path):
 
 
 def test_pictures_may_spell_anything(tmp_path):
-    nbformat.write(
-        executed(outputs=[new_output("display_data", {"image/png": ELSEWHERE})]), tmp_path / "fine.ipynb"
-    )
+    nbformat.write(executed(outputs=[new_output("display_data", {"image/png": ELSEWHERE})]), tmp_path / "fine.ipynb")
     assert check_notebooks.problems(tmp_path / "fine.ipynb") == []
 
 

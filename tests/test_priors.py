@@ -9,16 +9,18 @@ import pytest
 import torch
 
 import motionkit as mk
-from motionkit import priors, sampling, text
+from motionkit import sampling, text
 from motionkit.datasets import BvhSource, Item, Labels, of_items
+from motionkit.datasets.batches import LEAST, ROOT, fitted
 from motionkit.diffusion import NoiseSchedule
+from motionkit.features.facing_free import OfBody
 from motionkit.files import MotionKitWarning
 from motionkit.layers import TransformerConfig
-from motionkit.priors import Discriminator, Prior, recalls
-from motionkit.priors.features import LEAST, ROOT, OfBody, fitted
-from motionkit.priors.recipes import Sentences, known_sentences
-from motionkit.priors.sentences import meanings, nonsense, texts_of
-from motionkit.text.encoder import TextEncoder, content_key
+from motionkit.methods import text_to_motion
+from motionkit.methods.text_to_motion import Discriminator, Prior, Sentences, known_sentences
+from motionkit.metrics import recalls
+from motionkit.text.encoders import TextEncoder, content_key
+from motionkit.text.train import meanings, nonsense, texts_of
 from motionkit.training import Schedule
 
 ACTOR = Path(__file__).resolve().parent.parent / "data" / "actor"
@@ -63,12 +65,14 @@ def split(clips):
 def prior(split):
     """Hardly trained, of one layer, with 20 steps of noise."""
     schedule = Schedule(6, average=0.5)
-    return priors.train_prior(split, Letters(), SMALL, schedule, noise=NoiseSchedule.cosine(20), batch=6, title="")
+    return text_to_motion.train_prior(
+        split, Letters(), SMALL, schedule, noise=NoiseSchedule.cosine(20), batch=6, title=""
+    )
 
 
 @pytest.fixture(scope="module")
 def judge(split, prior):
-    return priors.train_discriminator(split, prior, Schedule(40, rate=3e-3), batch=6, title="")
+    return text_to_motion.train_discriminator(split, prior, Schedule(40, rate=3e-3), batch=6, title="")
 
 
 @pytest.fixture
@@ -108,7 +112,7 @@ def test_clips_without_captions_are_named(clips):
     with pytest.raises(mk.MotionKitError, match="clip 'walk_1' has no caption"):
         Sentences.of(mute, Letters())
     with pytest.raises(mk.MotionKitError, match="clip 'walk_1' has no caption"):
-        priors.train_prior(mk.datasets.Split(mute, mute, mute), Letters(), SMALL, Schedule(1), title="")
+        text_to_motion.train_prior(mk.datasets.Split(mute, mute, mute), Letters(), SMALL, Schedule(1), title="")
 
 
 def test_the_normalizer_has_floors_and_weighs_the_root(clips):
@@ -197,7 +201,7 @@ def test_training_learns_and_says_how_it_was_made(prior, clips, split):
     assert card["steps"] == 6 and card["batch"] == 6 and card["drop"] == 0.1 and card["training_clips"] == 6
     assert card["parameters"] == sum(p.numel() for p in prior.network.parameters()) and prior.guided
     losses = []
-    priors.train_prior(split, Letters(), SMALL, Schedule(60, rate=5e-3), batch=6, title="",
+    text_to_motion.train_prior(split, Letters(), SMALL, Schedule(60, rate=5e-3), batch=6, title="",
                        show=lambda _, loss: losses.append(loss))  # fmt: skip
     assert sum(losses[-10:]) < 0.7 * sum(losses[:10])
 
@@ -208,7 +212,7 @@ def test_a_bad_clip_is_named(split):
             return super().encode(texts) * torch.nan
 
     with pytest.raises(mk.MotionKitError, match=r"the loss of step 0 is nan.*its batch: \d+ frames of (walk|run)_"):
-        priors.train_prior(split, Broken(), SMALL, Schedule(2), batch=3, title="")
+        text_to_motion.train_prior(split, Broken(), SMALL, Schedule(2), batch=3, title="")
 
 
 def test_files_give_the_prior_back_with_16_bits(prior, saved):
@@ -292,7 +296,7 @@ def test_bad_lengths(prior, seconds):
 
 
 def test_guidance_needs_a_prior_that_did_without_sentences(split):
-    deaf = priors.train_prior(split, Letters(), SMALL, Schedule(1), drop=0.0, batch=2, title="")
+    deaf = text_to_motion.train_prior(split, Letters(), SMALL, Schedule(1), drop=0.0, batch=2, title="")
     with pytest.raises(mk.MotionKitError, match="take scale=1, or train one with drop above 0"):
         make(deaf)
     assert len(make(deaf, scale=1)) == 1

@@ -8,8 +8,9 @@ import torch
 from PIL import Image
 
 import motionkit as mk
-from motionkit import diffusion, features, layers, priors, skeleton, text
-from motionkit.viewer import PromptBox
+from motionkit import diffusion, features, layers, skeleton, text
+from motionkit.lessons.text import PromptBox
+from motionkit.methods import text_to_motion
 
 KNOWN = ("a person walks", "an old person walks", "a person waves")
 
@@ -26,10 +27,10 @@ class Letters(text.TextEncoder):
 @pytest.fixture(scope="module")
 def prior():
     torch.manual_seed(0)
-    layout = priors.features.OfBody(skeleton.smpl(), 30)
+    layout = features.facing_free.OfBody(skeleton.smpl(), 30)
     network = layers.Denoiser(layout.size, 26, layers.TransformerConfig.tiny()).eval()
     normalizer = features.Normalizer(torch.zeros(layout.size), torch.ones(layout.size), "FacingFree", "none")
-    return priors.Prior(network, layout, normalizer, diffusion.NoiseSchedule.cosine(), Letters(), KNOWN, 0.8)
+    return text_to_motion.Prior(network, layout, normalizer, diffusion.NoiseSchedule.cosine(), Letters(), KNOWN, 0.8)
 
 
 @pytest.fixture
@@ -54,7 +55,7 @@ def test_it_shows_what_the_prior_makes(box, prior):
 def test_every_control_is_followed(box, prior, name, value, more):
     before = box.motion
     box.controls[name].value = value
-    asked = {"prompts": "a person walks", "seconds": 1.0, "scale": priors.SCALE, "seed": 0}
+    asked = {"prompts": "a person walks", "seconds": 1.0, "scale": text_to_motion.SCALE, "seed": 0}
     asked["prompts" if name == "prompt" else name] = value
     assert same(box.motion, prior.generate(**asked, steps=2)[0]) and not same(box.motion, before)
     assert box.player.motions[0] is box.motion
@@ -95,12 +96,12 @@ def test_a_first_sentence_that_will_not_do_is_an_error(prior):
         PromptBox(prior, "")
     with pytest.raises(mk.MotionKitError, match="seconds: this prior learned"):
         PromptBox(prior, seconds=60)
-    with pytest.raises(mk.MotionKitError, match="expected a prior, such as mk.priors.load"):
+    with pytest.raises(mk.MotionKitError, match="expected a prior, such as mk.methods.text_to_motion.load"):
         PromptBox("actor")
 
 
 def test_a_prior_that_cannot_be_guided_has_no_slider_for_it(prior):
-    plain = priors.Prior(
+    plain = text_to_motion.Prior(
         prior.network, prior.layout, prior.normalizer, prior.schedule, prior.encoder, KNOWN, 0.8, guided=False
     )
     box = PromptBox(plain, "a person walks", seconds=1.0, steps=2)
@@ -119,12 +120,12 @@ def test_a_page_without_a_kernel_gets_a_picture(box):
 
 def test_a_table_of_cosines_has_its_numbers_and_marks():
     near = torch.tensor([[1.0, 0.25], [-0.5, 0.9], [0.0, 0.5]])
-    picture = mk.viewer.plot_similarity(near, ["a", "b", "c"], ["d", "e"], marks=[(1, 1)])
+    picture = mk.lessons.text.plot_similarity(near, ["a", "b", "c"], ["d", "e"], marks=[(1, 1)])
     ax = picture.axes[0]
     assert [text.get_text() for text in ax.texts] == ["1.00", "0.25", "-0.50", "0.90", "0.00", "0.50"]
     assert [patch.get_xy() for patch in ax.patches] == [(0.5, 0.5)]
     assert [text.get_text() for text in ax.get_xticklabels()] == ["d", "e"]
-    large = mk.viewer.plot_similarity(torch.eye(20), [str(n) for n in range(20)])
+    large = mk.lessons.text.plot_similarity(torch.eye(20), [str(n) for n in range(20)])
     assert not large.axes[0].texts
     with pytest.raises(mk.MotionKitError, match=r"a table \[2, 2\]"):
-        mk.viewer.plot_similarity(near, ["a", "b"])
+        mk.lessons.text.plot_similarity(near, ["a", "b"])

@@ -93,9 +93,7 @@ def test_rotation_vectors_agree_with_scipy(dtype):
     assert_same_rotation(rot.exp_map(vector), q, 2 * TOLERANCE[dtype])
 
 
-@pytest.mark.parametrize(
-    "size", [0.0, 1e-30, 1e-9, 1e-6, 0.9e-4, 1.1e-4, 1e-2, 3.0, PI - 1e-3, PI, 5.0, 100.0]
-)
+@pytest.mark.parametrize("size", [0.0, 1e-30, 1e-9, 1e-6, 0.9e-4, 1.1e-4, 1e-2, 3.0, PI - 1e-3, PI, 5.0, 100.0])
 def test_exponential_map_of_any_size_agrees_with_scipy(size, dtype):
     vector = rot.normalize(torch.tensor([[1.0, -2.0, 0.5], [0.0, 0.0, 1.0]], dtype=dtype)) * size
     expected = from_scipy(Rotation.from_rotvec(vector.double().numpy()))
@@ -121,9 +119,7 @@ def test_axis_and_angle_broadcast():
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_euler_angles_agree_with_scipy(order, dtype):
-    angles = (
-        (torch.rand(100, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(4)) - 0.5) * 2 * PI
-    )
+    angles = (torch.rand(100, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(4)) - 0.5) * 2 * PI
     q = rot.euler_to_quaternion(angles.to(dtype), order)
     assert_same_rotation(q, from_scipy(Rotation.from_euler(order, angles.numpy())), 2 * TOLERANCE[dtype])
     with_scipy = to_scipy(q).as_euler(order)
@@ -191,9 +187,7 @@ def test_slerp_takes_times_of_any_shape_that_broadcasts():
 def test_between_turns_one_direction_into_the_other(dtype):
     u, v = torch.randn(2, 100, 3, dtype=dtype, generator=torch.Generator().manual_seed(6))
     q = rot.between(u, v)
-    assert torch.allclose(
-        rot.quaternion_rotate(q, rot.normalize(u)), rot.normalize(v), atol=4 * TOLERANCE[dtype]
-    )
+    assert torch.allclose(rot.quaternion_rotate(q, rot.normalize(u)), rot.normalize(v), atol=4 * TOLERANCE[dtype])
     angle = torch.acos((rot.normalize(u) * rot.normalize(v)).sum(-1))
     assert torch.allclose(rot.quaternion_angle(rot.identity_quaternion(dtype=dtype), q), angle, atol=1e-3)
 
@@ -240,9 +234,7 @@ def test_swing_and_twist_of_a_half_turn_aside():
 def test_yaw_goes_there_and_back(dtype):
     yaw = torch.linspace(-3.14, 3.14, 41, dtype=dtype)
     q = rot.yaw_to_quaternion(yaw)
-    assert_same_rotation(
-        q, from_scipy(Rotation.from_euler("Y", yaw.double().numpy()[:, None])), TOLERANCE[dtype]
-    )
+    assert_same_rotation(q, from_scipy(Rotation.from_euler("Y", yaw.double().numpy()[:, None])), TOLERANCE[dtype])
     assert torch.allclose(rot.quaternion_to_yaw(q), yaw, atol=3 * TOLERANCE[dtype])
     assert torch.allclose(rot.quaternion_to_yaw(-q), yaw, atol=3 * TOLERANCE[dtype])
     forward = rot.quaternion_rotate(q, torch.tensor([0.0, 0.0, 1.0], dtype=dtype))
@@ -301,9 +293,7 @@ def test_signs_are_chosen_without_changing_the_rotation():
     q = random_quaternions(40)
     assert_same_rotation(rot.positive(q), q, 1e-15)
     assert (rot.positive(q)[:, 0] >= 0).all()
-    steps = rot.exp_map(torch.tensor([[0.1, 0.0, 0.02]]) * torch.arange(100)[:, None])[:, None].expand(
-        100, 3, 4
-    )
+    steps = rot.exp_map(torch.tensor([[0.1, 0.0, 0.02]]) * torch.arange(100)[:, None])[:, None].expand(100, 3, 4)
     signs = torch.where(torch.rand(100, 3, 1, generator=torch.Generator().manual_seed(9)) < 0.5, -1.0, 1.0)
     smooth = rot.unroll(steps * signs)
     assert ((smooth[1:] * smooth[:-1]).sum(-1) > 0.99).all()

@@ -5,9 +5,8 @@ import torch
 
 import motionkit as mk
 from motionkit import checkpoints
-from motionkit.priors import retrieval
-from motionkit.priors.quality import answers
-from motionkit.text.mini import Mini
+from motionkit.methods.text_to_motion import answers, retrieval
+from motionkit.text.encoders import Mini
 
 ACTOR = ["a person walks in depression", "an old person walks", "a person kicks angrily", "a person jumps neutrally"]
 SEEN = [("walk", "depressed"), ("walk", "old"), ("kick", "angry"), ("jump", "neutral")]
@@ -20,7 +19,7 @@ def actor():
 
 @pytest.fixture(scope="module")
 def prior():
-    return mk.priors.load("actor")
+    return mk.methods.text_to_motion.load("actor")
 
 
 def test_cards_say_what_they_must():
@@ -34,7 +33,7 @@ def test_cards_say_what_they_must():
 
 
 def test_the_data_are_those_that_the_weights_learned_from(actor, prior):
-    from motionkit.cards import data_hash
+    from motionkit.training import data_hash
 
     # processors differ in the last digits of the clips; these weights were made on two kinds
     cards = [checkpoints.load(checkpoints.find(f"actor-{what}"))[1] for what in ("prior", "content")]
@@ -100,13 +99,13 @@ def test_far_prompts_are_told(prior):
 
 
 def test_the_discriminator_finds_as_much_as_its_card_says(actor):
-    judge = mk.priors.load_discriminator("actor")
+    judge = mk.methods.text_to_motion.load_discriminator("actor")
     assert retrieval(judge, actor.test) == pytest.approx(judge.card["metrics"], abs=2.0)
 
 
 @pytest.mark.captures
 def test_the_discriminator_of_captures_too(captures):
-    judge = mk.priors.load_discriminator("bandai-2")
+    judge = mk.methods.text_to_motion.load_discriminator("bandai-2")
     assert retrieval(judge, mk.datasets.load("bandai-2", captures).split().test) == pytest.approx(
         judge.card["metrics"], abs=2.0
     )
@@ -117,12 +116,12 @@ def test_mini_finds_the_motion_of_a_sentence(actor):
     assert isinstance(encoder, Mini) and encoder.card["metrics"]["sentence_by_motion_r1"] > 90
     a, b = (encoder.encode([clip.texts[n] for clip in actor.test]) for n in (0, 1))
     groups = [(clip.content, clip.style) for clip in actor.test]
-    found = mk.priors.recalls(a, b, groups)["r1"]
+    found = mk.metrics.recalls(a, b, groups)["r1"]
     assert found == pytest.approx(encoder.card["metrics"]["sentence_by_sentence_r1"], abs=2)
 
 
 def test_the_shipped_style_erd_is_as_good_as_its_card_says(actor):
-    from motionkit.erd.commands import measured
+    from motionkit.methods.style_erd import measured
 
     model = mk.methods.load("style-erd").model
     found, wrote = measured(model, actor.test), model.card["metrics"]
@@ -134,7 +133,7 @@ def test_the_shipped_style_erd_is_as_good_as_its_card_says(actor):
 def test_style_erd_comes_near_the_performers_own_answer():
     """Neutral walks and kicks of somebody new in three styles: under half as far from the answer as the content is."""
     from motionkit.actor import perform, retell
-    from motionkit.arena.truths import error_against
+    from motionkit.arena.transfers import error_against
 
     method, errors = mk.methods.load("style-erd"), []
     for content in ("walk", "kick"):

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 import motionkit as mk
-from motionkit import anatomy
+from motionkit import skeleton
 from motionkit.skeleton import Skeleton, smpl
 
 # (names of hips, knee, ankle, toe, shoulder, elbow, wrist on the left; on the right; the pelvis; the midline)
@@ -79,15 +79,15 @@ def test_height_is_a_leg_and_the_midline():
 
 
 def test_words_and_sides():
-    assert anatomy.words("mixamorig:LeftHandIndex1") == ["left", "hand", "index", "1"]
-    sides, bare = anatomy.split_sides(["lowerback", "lowerneck", "root", "LHipJoint", "RHipJoint", "lfoot", "rfoot"])
+    assert skeleton.words("mixamorig:LeftHandIndex1") == ["left", "hand", "index", "1"]
+    sides, bare = skeleton.split_sides(["lowerback", "lowerneck", "root", "LHipJoint", "RHipJoint", "lfoot", "rfoot"])
     assert sides == ["middle", "middle", "middle", "left", "right", "left", "right"]
     assert bare[3] == bare[4] == "hipjoint"
 
 
 def test_twins_are_unknown_where_one_is_missing():
-    assert anatomy.find_twins(["Hips", "LeftFoot"]) is None
-    assert anatomy.find_twins(["a", "b"]) == (0, 1)
+    assert skeleton.find_twins(["Hips", "LeftFoot"]) is None
+    assert skeleton.find_twins(["a", "b"]) == (0, 1)
 
 
 def test_feet():

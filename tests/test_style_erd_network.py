@@ -8,7 +8,15 @@ from torch import nn
 
 import motionkit as mk
 from motionkit import rotations as rot
-from motionkit.layers import Branches, ContentNet, ErdConfig, FtAttCritic, MultiClassCritic, StyleErd, attended
+from motionkit.methods.style_erd import (
+    Branches,
+    ContentNet,
+    ErdConfig,
+    FtAttCritic,
+    MultiClassCritic,
+    StyleErd,
+    attended,
+)
 
 CONTENT, STYLE = torch.tensor([0, 2]), torch.tensor([0, 1])
 

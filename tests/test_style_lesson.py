@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 import motionkit as mk
-from motionkit.viewer import StyleLesson
+from motionkit.lessons.few_shot import StyleLesson
 
 WALK, JUMP = (mk.load(f"data/actor/{deed}_neutral.bvh") for deed in ("walk", "jump"))
 CONTENTS = {"a person walks": WALK, "a person jumps": JUMP}

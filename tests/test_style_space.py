@@ -6,21 +6,35 @@ import pytest
 import torch
 
 import motionkit as mk
-from motionkit import checkpoints, priors
+from motionkit import checkpoints
 from motionkit.actor import SEEN, Style, parameters, perform, retell, style_named
-from motionkit.arena.truths import error_against
-from motionkit.fewshot import Adapter, LearnedStyle, Point, Recipe, StyleSpace, space_recipe
-from motionkit.fewshot import space as spaces
-from motionkit.fewshot.invented import FRAMES, code_of, invented, lessons
-from motionkit.fewshot.space import CODES, CodedDenoiser, Reading
-from motionkit.fewshot.space_recipe import doubted, misread, misses, train_reader, train_space
+from motionkit.arena.transfers import error_against
 from motionkit.layers import Denoiser, TransformerConfig
+from motionkit.methods import style_code, text_to_motion
+from motionkit.methods import style_code as spaces
+from motionkit.methods.few_shot import Adapter, LearnedStyle, Recipe
+from motionkit.methods.style_code import (
+    CODES,
+    FRAMES,
+    CodedDenoiser,
+    Point,
+    Reading,
+    StyleSpace,
+    code_of,
+    doubted,
+    invented,
+    lessons,
+    misread,
+    misses,
+    train_reader,
+    train_space,
+)
 from motionkit.training import Schedule
 
 
 @pytest.fixture(scope="module")
 def prior():
-    return priors.load("actor")
+    return text_to_motion.load("actor")
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +45,8 @@ def known(prior):
 @pytest.fixture(scope="module")
 def small(prior, known):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(space_recipe, "BATCH", 4)
-        patch.setattr(space_recipe, "_BACK", 1)
+        patch.setattr(style_code, "BATCH", 4)
+        patch.setattr(style_code, "_BACK", 1)
         return train_space(prior, known, Schedule(8, 1e-3, average=0.5), title="")
 
 
@@ -71,7 +85,7 @@ def test_a_space_starts_at_its_prior_and_learns(prior, known, small):
     assert after["copied"] == before["copied"]
     assert after["styled"] < before["styled"] and after["neutral"] < before["neutral"]
     assert small.card["steps"] == 8 and small.card["lessons"] == 8
-    assert priors.load("actor").network.training is False
+    assert text_to_motion.load("actor").network.training is False
 
 
 def test_a_space_is_kept_for_its_prior_alone(prior, small, tmp_path):
@@ -91,7 +105,7 @@ def test_a_reader_guesses_codes_and_belongs_to_its_prior(prior, known, small, tm
     other = StyleSpace(prior, small.network, small.chain)
     assert other.read(known.styled[0].float()) is None
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(space_recipe, "READER_BATCH", 4)
+        patch.setattr(style_code, "READER_BATCH", 4)
         card = train_reader(other, known, Schedule(60, 1e-3, average=0.9), title="")
     errors = misread(other, known)
     assert errors["read"] < 0.7 * errors["guessed"] and card["lessons"] == 8 and errors["expected"] > 0
@@ -109,8 +123,8 @@ def test_a_reader_guesses_codes_and_belongs_to_its_prior(prior, known, small, tm
 
 def test_a_space_goes_on_from_another(prior, known, small):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(space_recipe, "BATCH", 4)
-        patch.setattr(space_recipe, "_BACK", 1)
+        patch.setattr(style_code, "BATCH", 4)
+        patch.setattr(style_code, "_BACK", 1)
         later = train_space(prior, known, Schedule(1, 1e-9), small, title="")
     assert misses(later, known) == pytest.approx(misses(small, known), abs=1e-3)
     assert later.card["started_from"]["steps"] == small.card["steps"] and later.card["steps"] == 1
@@ -195,7 +209,7 @@ def test_recipes_say_what_does_not_fit():
     with pytest.raises(mk.MotionKitError, match="where its model is 'space' too"):
         Recipe(pair="space")
     assert Recipe.in_space().model == Recipe.in_space().pair == "space"
-    assert spaces.found_for(priors.load("bandai-2")) is None
+    assert spaces.found_for(text_to_motion.load("bandai-2")) is None
     method = mk.methods.load("few-shot", prior="bandai-2", recipe=Recipe.in_space())
     with pytest.raises(mk.MotionKitError, match="no space of styles of this prior"):
         method.learn(mk.load("data/actor/walk_old.bvh"), "an old person walks")
@@ -203,7 +217,7 @@ def test_recipes_say_what_does_not_fit():
 
 def test_captures_make_no_space():
     with pytest.raises(mk.MotionKitError, match="learned from the performer"):
-        space_recipe.train_part(type("Set", (), {"name": "bandai-2"}), 1, 0, "")
+        style_code.train_part(type("Set", (), {"name": "bandai-2"}), 1, 0, "")
 
 
 def test_the_shipped_space_is_as_good_as_its_card_says(prior):

@@ -5,8 +5,8 @@ import torch
 
 import motionkit as mk
 from motionkit import actor
-from motionkit.viewer import mixer as mixers
-from motionkit.viewer import style_plots
+from motionkit.lessons import data
+from motionkit.lessons import data as mixers
 
 
 @pytest.fixture(scope="module")
@@ -16,7 +16,7 @@ def walk():
 
 @pytest.fixture
 def mixer():
-    return mk.viewer.style_mixer("walk", "old", seconds=4)
+    return mk.lessons.data.style_mixer("walk", "old", seconds=4)
 
 
 def test_the_mixer_begins_as_the_retelling_does(mixer, walk):
@@ -24,7 +24,7 @@ def test_the_mixer_begins_as_the_retelling_does(mixer, walk):
     assert torch.equal(mixer.performance.motion.positions(), told.motion.positions())
 
 
-@pytest.mark.parametrize("name", [name for group in style_plots.STYLE_GROUPS.values() for name in group])
+@pytest.mark.parametrize("name", [name for group in data.STYLE_GROUPS.values() for name in group])
 def test_every_slider_moves_somebody_who_walks(mixer, name):
     control, before = mixer.controls[name], mixer.player.motions[0]
     control.value = control.max if control.value < (control.min + control.max) / 2 else control.min
@@ -66,13 +66,13 @@ def test_the_mixer_leaves_a_still(mixer):
 
 def test_an_unknown_start_names_the_nearest():
     with pytest.raises(mk.MotionKitError, match="did you mean 'proud'"):
-        mk.viewer.style_mixer("walk", "prowd")
+        mk.lessons.data.style_mixer("walk", "prowd")
     with pytest.raises(mk.MotionKitError, match="style is a name"):
-        mk.viewer.style_mixer("walk", actor.Style())
+        mk.lessons.data.style_mixer("walk", actor.Style())
 
 
 def test_gait_angles_tell_old_from_neutral(walk):
-    plain, old = (style_plots.gait_angles(p) for p in (walk, actor.retell(walk, "old")))
+    plain, old = (data.gait_angles(p) for p in (walk, actor.retell(walk, "old")))
     assert old["trunk lean (°)"].mean() > plain["trunk lean (°)"].mean() + 20
     assert old["left elbow (°)"].mean() > plain["left elbow (°)"].mean() + 20
     assert old["head height (m)"].mean() < plain["head height (m)"].mean() - 0.1
@@ -80,29 +80,29 @@ def test_gait_angles_tell_old_from_neutral(walk):
 
 def test_cycle_mean_is_a_mean_over_each_part_of_the_cycle():
     phase = (torch.arange(200) + 0.5) / 50 % 1
-    found = style_plots.cycle_mean(torch.sin(2 * torch.pi * phase), phase, 10)
+    found = data.cycle_mean(torch.sin(2 * torch.pi * phase), phase, 10)
     middle = torch.sin(2 * torch.pi * (torch.arange(10) + 0.5) / 10)
     assert torch.allclose(found, middle, atol=0.03)
-    assert style_plots.cycle_mean(torch.ones(1), torch.tensor([0.1]), 2).isnan().tolist() == [False, True]
+    assert data.cycle_mean(torch.ones(1), torch.tensor([0.1]), 2).isnan().tolist() == [False, True]
 
 
 def test_every_performance_has_a_curve_in_every_panel(walk):
-    picture = mk.viewer.plot_phase({"neutral": walk, "old": actor.retell(walk, "old")})
+    picture = mk.lessons.data.plot_phase({"neutral": walk, "old": actor.retell(walk, "old")})
     assert [len(ax.lines) for ax in picture.axes] == [2, 2, 2, 2]
 
 
 def test_discs_are_as_large_as_the_errors(walk):
     errors = torch.arange(22.0)
-    picture = mk.viewer.plot_joint_errors(walk.motion[:1], {"a": errors})
+    picture = mk.lessons.data.plot_joint_errors(walk.motion[:1], {"a": errors})
     radii = [p.radius for p in picture.axes[0].patches if hasattr(p, "radius")]
     assert torch.allclose(torch.tensor(radii) * 1000, errors)
     with pytest.raises(mk.MotionKitError, match="3 errors"):
-        mk.viewer.plot_joint_errors(walk.motion[:1], {"a": errors[:3]})
+        mk.lessons.data.plot_joint_errors(walk.motion[:1], {"a": errors[:3]})
 
 
 def test_bands_of_a_standing_body_lie_below_those_of_walks(walk):
     still = [actor.perform("idle", seed=n, seconds=4).motion for n in range(2)]
-    picture = mk.viewer.plot_speed_bands([walk.motion, walk.motion], still, {"pelvis": "pelvis"})
+    picture = mk.lessons.data.plot_speed_bands([walk.motion, walk.motion], still, {"pelvis": "pelvis"})
     (ax,) = picture.axes
     mean = ax.lines[0].get_ydata()[0]
     assert mean < 0.2 * ax.patches[0].get_y()

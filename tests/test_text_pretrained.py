@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import motionkit as mk
-from motionkit.text import Remembered, load, pretrained, similarity
+from motionkit.text import Remembered, encoders, load, similarity
 
 transformers = pytest.importorskip("transformers", reason="pip install -e .[text]", exc_type=ImportError)
 LETTERS = string.ascii_lowercase
@@ -118,13 +118,13 @@ def test_vectors_are_the_packages_own(tmp_path):
     tower = transformers.CLIPTextModelWithProjection.from_pretrained(folder)
     with torch.no_grad():
         expected = tower(**tokenizer(TEXTS[1], return_tensors="pt")).text_embeds
-    torch.testing.assert_close(pretrained.clip(str(folder)).encode([TEXTS[1]]), expected, rtol=0, atol=1e-5)
+    torch.testing.assert_close(encoders.clip(str(folder)).encode([TEXTS[1]]), expected, rtol=0, atol=1e-5)
     folder = save_sentence_transformer(tmp_path / "st")
     tokenizer = transformers.AutoTokenizer.from_pretrained(folder)
     bert = transformers.AutoModel.from_pretrained(folder)
     with torch.no_grad():
         expected = bert(**tokenizer(TEXTS[1], return_tensors="pt")).last_hidden_state.mean(1)
-    found = pretrained.sentence_transformer(str(folder)).encode([TEXTS[1]])
+    found = encoders.sentence_transformer(str(folder)).encode([TEXTS[1]])
     torch.testing.assert_close(found, expected, rtol=0, atol=1e-5)
 
 
@@ -135,12 +135,12 @@ def test_the_text_tower_of_a_whole_clip(tmp_path):
     with torch.no_grad():
         expected = whole.get_text_features(**tokens)
     expected = getattr(expected, "pooler_output", expected)
-    torch.testing.assert_close(pretrained.clip(str(folder)).encode(TEXTS[:1]), expected, rtol=0, atol=1e-5)
+    torch.testing.assert_close(encoders.clip(str(folder)).encode(TEXTS[:1]), expected, rtol=0, atol=1e-5)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_key_changes_with_weights_and_tokenizer(kind, tmp_path):
-    make = {"clip": pretrained.clip, "sentence-transformers": pretrained.sentence_transformer}[kind]
+    make = {"clip": encoders.clip, "sentence-transformers": encoders.sentence_transformer}[kind]
     one, same, other = (KINDS[kind](tmp_path / name, seed) for name, seed in (("one", 0), ("same", 0), ("other", 1)))
     first = make(str(one))
     assert first.key == make(str(same)).key != make(str(other)).key

@@ -8,11 +8,11 @@ import pytest
 import motionkit as mk
 from motionkit import text
 from motionkit.actor import CONTENTS, SEEN, UNSEEN
-from motionkit.actor.captions import captions as acted
-from motionkit.actor.creatures import CREATURES, creature_named
-from motionkit.datasets import bandai, style100, xia
-from motionkit.datasets.captions import captions as captured
-from motionkit.text.words import NEUTRAL, STYLES, form, said
+from motionkit.actor.performing import CREATURES, creature_named
+from motionkit.datasets import captures
+from motionkit.text.captions import NEUTRAL, STYLES, form, said
+from motionkit.text.captions import capture_captions as captured
+from motionkit.text.captions import performed_captions as acted
 
 PLAIN = {name for name, words in STYLES.items() if words is NEUTRAL}
 # Styles and gaits of files of 100STYLE as they are named, one of each kind of name.
@@ -26,12 +26,19 @@ def every() -> tuple[tuple[str, str, str], ...]:
     for kind in CREATURES:
         for deed in creature_named(kind).contents:
             found += [("creatures", s, c) for s in SEEN for c in acted(deed, s, 1, 4, subject=f"a {kind}")]
-    for name, known in bandai.LABELS.items():
+    for name, known in captures.BANDAI_LABELS.items():
         for deed in known["content"].split():
-            found += [(name, s, c) for s in known["style"].split() for c in bandai.labels(f"x_{deed}_{s}_1").texts]
-    found += [("xia", s, c) for s in xia.STYLES for n in range(1, 29) for c in xia.labels(f"{s}_{n}_0").texts]
-    for gait in style100.CONTENTS:
-        labels = [style100._labels(name, gait, "x", "a long, old line: of words") for name in FILES]
+            found += [
+                (name, s, c) for s in known["style"].split() for c in captures.bandai_labels(f"x_{deed}_{s}_1").texts
+            ]
+    found += [
+        ("xia", s, c)
+        for s in captures.XIA_STYLES
+        for n in range(1, 29)
+        for c in captures.xia_labels(f"{s}_{n}_0").texts
+    ]
+    for gait in captures.GAITS:
+        labels = [captures._style100_labels(name, gait, "x", "a long, old line: of words") for name in FILES]
         found += [("100style", one.style, c) for one in labels for c in one.texts]
     found += [("100style", s, c) for s in STYLES for c in captured("walking forward", "going on foot", s)]
     return tuple(found)
@@ -48,8 +55,8 @@ def tells(style: str) -> re.Pattern:
 
 
 def test_every_style_of_the_data_sets_has_words():
-    named = {s for known in bandai.LABELS.values() for s in known["style"].split()}
-    assert {*SEEN, *UNSEEN, *named, *xia.STYLES} <= set(STYLES)
+    named = {s for known in captures.BANDAI_LABELS.values() for s in known["style"].split()}
+    assert {*SEEN, *UNSEEN, *named, *captures.XIA_STYLES} <= set(STYLES)
     hundred = {s for s in STYLES if STYLES[s].how[0] == f"in a{'n' * (s[0] in 'aeiou')} {said(s)} style"}
     shared = {"angry", "depressed", "drunk", "neutral", "old", "proud", "robot", "strutting", "zombie"}
     assert len(hundred | shared) == 100
@@ -70,12 +77,12 @@ def test_to_neutral_leaves_no_word_of_the_style():
 
 
 def test_to_neutral_keeps_what_is_done():
-    for gait, (_, doing, again) in style100.CONTENTS.items():
+    for gait, (_, doing, again) in captures.GAITS.items():
         for name in FILES:
-            for caption in style100._labels(name, gait, "x", "").texts:
+            for caption in captures._style100_labels(name, gait, "x", "").texts:
                 assert doing in text.to_neutral(caption) or again in text.to_neutral(caption), caption
-    for style in bandai.LABELS["bandai-2"]["style"].split():
-        for caption in bandai.labels(f"x_raise-up-left-hand_{style}_1").texts:
+    for style in captures.BANDAI_LABELS["bandai-2"]["style"].split():
+        for caption in captures.bandai_labels(f"x_raise-up-left-hand_{style}_1").texts:
             assert re.search("(raising|lifting up) the left hand", text.to_neutral(caption)), caption
 
 

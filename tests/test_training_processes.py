@@ -15,7 +15,7 @@ from test_training import MEAN, a_loss, a_net
 
 import motionkit as mk
 from motionkit import checkpoints
-from motionkit.text.mini import Mini, MiniConfig, MiniNetwork
+from motionkit.text.encoders import Mini, MiniConfig, MiniNetwork
 from motionkit.training import fit, seed_batch
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -8,7 +8,7 @@ import pytest
 import motionkit as mk
 from motionkit import video
 from motionkit.actor import perform
-from motionkit.keypoints import motion_from_keypoints
+from motionkit.video import motion_from_keypoints
 
 NAMES = [f"{s}_{r}" for r in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist") for s in ("left", "right")]
 

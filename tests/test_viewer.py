@@ -18,7 +18,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 import motionkit as mk
-from motionkit.viewer import body, colours, drawing, pack, plots, scenes
+from motionkit.viewer import colours, plots, scenes
+from motionkit.viewer import figure as bodies
 from motionkit.viewer import player as players
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -79,7 +80,7 @@ def oddities() -> list[Clip]:
 @pytest.mark.parametrize("motion", oddities(), ids=["dog", "chain", "dot", "still dog"])
 def test_any_skeleton_and_a_single_frame_are_shown_everywhere(motion, tmp_path):
     player = mk.Player([motion, motion], autoplay=False)
-    head, found = pack.unpack(player._data)
+    head, found = bodies.unpack(player._data)
     assert [m["frames"] for m in head["motions"]] == [len(motion)] * 2
     assert player.still().startswith(b"\x89PNG")
     assert mk.scene(motion).frames
@@ -89,10 +90,10 @@ def test_any_skeleton_and_a_single_frame_are_shown_everywhere(motion, tmp_path):
 
 
 def test_a_root_left_on_the_ground_is_no_bone_and_does_not_count_for_size(walk):
-    assert (0, 1) not in body.figures(dog())[0].bones
-    assert 0 not in body.figures(dog())[0].drawn
-    assert 0.5 < body.figures(dog())[0].size < 1.3
-    assert len(body.figures(walk)[0].bones) == len(walk.skeleton.names) - 1  # a root at the hips stays
+    assert (0, 1) not in bodies.figures(dog())[0].bones
+    assert 0 not in bodies.figures(dog())[0].drawn
+    assert 0.5 < bodies.figures(dog())[0].size < 1.3
+    assert len(bodies.figures(walk)[0].bones) == len(walk.skeleton.names) - 1  # a root at the hips stays
 
 
 def test_no_frames_is_one_clear_error(walk):
@@ -124,32 +125,32 @@ def test_wrong_arguments_say_what_was_expected(walk):
 
 
 def test_what_is_sent_is_within_a_tenth_of_a_millimetre_and_small(walk):
-    head, (found,) = pack.unpack(mk.Player(walk)._data)
+    head, (found,) = bodies.unpack(mk.Player(walk)._data)
     assert np.abs(found - walk.positions().numpy()).max() < 1e-4
     assert len(mk.Player(walk)._data) < 22_000  # 4 s of 22 joints
     far = clip(np.random.default_rng(1).uniform(-30, 30, (50, 5, 3)), [-1, 0, 1, 2, 3])
-    assert np.abs(pack.unpack(mk.Player(far)._data)[1][0] - far.points.numpy()).max() < 1e-3
+    assert np.abs(bodies.unpack(mk.Player(far)._data)[1][0] - far.points.numpy()).max() < 1e-3
 
 
 def test_side_by_side_leaves_room_and_overlay_leaves_places(walk, proud):
-    made = body.figures([walk, proud, walk])
+    made = bodies.figures([walk, proud, walk])
     starts = np.stack([f.points[0].mean(axis=0) for f in made])
     gaps = np.linalg.norm(np.diff(starts[:, [0, 2]], axis=0), axis=1)
     assert gaps == pytest.approx([gaps[0]] * 2, abs=1e-4) and gaps[0] > 0.6
-    assert np.array_equal(body.figures([walk, proud], layout="overlay")[1].points, proud.positions().numpy())
+    assert np.array_equal(bodies.figures([walk, proud], layout="overlay")[1].points, proud.positions().numpy())
     # whoever faces +Z has its left hand at +X, which a viewer in front sees at the right
     assert starts[0, 0] < starts[1, 0] < starts[2, 0]
 
 
 def test_on_a_treadmill_nobody_leaves_the_spot_and_the_body_moves_as_before(walk, proud):
-    made = body.figures([walk, proud], layout="treadmill")
+    made = bodies.figures([walk, proud], layout="treadmill")
     for figure, motion in zip(made, (walk, proud)):
         places = motion.positions().numpy()
         assert np.ptp(places[:, 0, 2]) > 1.5 and np.ptp(figure.points[:, 0, [0, 2]], axis=0).max() < 0.25
         around, before = (x - x[:, :1] for x in (figure.points, places))
         assert np.abs(around - before).max() < 1e-4 and np.allclose(figure.points[..., 1], places[..., 1], atol=1e-5)
     assert abs(made[0].points[0, 0, 0] - made[1].points[0, 0, 0]) > 0.6
-    one = body.figures(walk[:1], layout="treadmill")[0]
+    one = bodies.figures(walk[:1], layout="treadmill")[0]
     assert one.points.shape == (1, 22, 3) and np.isfinite(one.points).all()
 
 
@@ -161,19 +162,19 @@ def test_contacts_in_every_form_say_the_same(walk):
     forms = [True, table, (names, table), {n: table[:, k] for k, n in enumerate(names)}, [table]]
     sent = {mk.Player(walk, contacts=form)._data for form in forms}
     assert len(sent) == 1
-    assert pack.unpack(sent.pop())[0]["motions"][0]["marks"] == feet
+    assert bodies.unpack(sent.pop())[0]["motions"][0]["marks"] == feet
 
 
 def test_replacing_motions_keeps_looks_and_frame_in_range(walk, proud):
     player = mk.Player([walk, walk], roles=["content", "result"], labels=["a", "b"], autoplay=False)
     player.frame = 100
     player.motions = [walk[:50], proud[:50]]
-    head, _ = pack.unpack(player._data)
+    head, _ = bodies.unpack(player._data)
     assert [m["label"] for m in head["motions"]] == ["a", "b"]
     assert head["motions"][0]["role"] == colours.ROLES["content"]
     assert player.frame == 49 == player.frame_count - 1
     player.set_motions(walk, labels=["only"])
-    assert [m["label"] for m in pack.unpack(player._data)[0]["motions"]] == ["only"]
+    assert [m["label"] for m in bodies.unpack(player._data)[0]["motions"]] == ["only"]
     before = player._data
     with pytest.raises(mk.MotionKitError, match="unknown colour"):
         player.set_motions(proud, colour="red")
@@ -216,7 +217,7 @@ def test_a_scene_is_small_and_holds_the_motion(walk, proud):
     assert "text/html" not in bundle  # where plotly would put its own 5 MB
     last = made.frames[-1].data
     ends = np.array([[v for t in last for v in (t[axis] or ()) if v is not None] for axis in "yzx"])
-    truth = body.figures(walk)[0].points[-1]
+    truth = bodies.figures(walk)[0].points[-1]
     assert ends.min(axis=1) == pytest.approx(truth.min(axis=0), abs=2e-3)
     assert ends.max(axis=1) == pytest.approx(truth.max(axis=0), abs=2e-3)
     extents = [np.ptp(made.layout.scene[f"{n}axis"].range) for n in "xyz"]
@@ -226,7 +227,7 @@ def test_a_scene_is_small_and_holds_the_motion(walk, proud):
 
 
 def test_every_bone_is_drawn_once_in_a_scene(walk):
-    figure = body.figures(walk)[0]
+    figure = bodies.figures(walk)[0]
     seen = [p for _, run in scenes._runs(figure) for p in zip(run, run[1:]) if None not in p]
     assert sorted(seen) == sorted(figure.bones)
 
@@ -269,9 +270,9 @@ def test_drawing_into_given_axes_and_the_small_plots(walk):
 
 
 def test_a_body_seen_from_the_front_has_its_left_hand_at_the_right():
-    right, up, near = drawing.view_axes(np.float32([1, 0, 0]), turn=0.0, rise=0.0)
+    right, up, near = bodies.view_axes(np.float32([1, 0, 0]), turn=0.0, rise=0.0)
     assert right == pytest.approx([1, 0, 0]) and up == pytest.approx([0, 1, 0]) and near == pytest.approx([0, 0, 1])
-    axes = drawing.view_axes(np.float32([0.6, 0, 0.8]))
+    axes = bodies.view_axes(np.float32([0.6, 0, 0.8]))
     assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-6) and np.linalg.det(axes) == pytest.approx(1)
 
 
@@ -311,7 +312,7 @@ def test_the_page_is_whole_and_needs_no_network(walk, tmp_path):
     assert "<!--" not in text.split("<script")[0] and len(text) < 160_000
     assert [p.name for p in tmp_path.iterdir()] == ["walk <1>.html"]
     data = base64.b64decode(text.split('id="motionkit-data">')[1].split("<")[0])
-    assert pack.unpack(data)[0]["motions"][1]["label"] == "two"
+    assert bodies.unpack(data)[0]["motions"][1]["label"] == "two"
     assert mk.Player(walk).save_html(tmp_path / "two.html").is_file()
     with pytest.raises(mk.MotionKitError, match="there is no folder"):
         players.save_html(walk, tmp_path / "nowhere" / "x.html")

@@ -14,9 +14,9 @@ import motionkit as mk
 from bench import ROOT, captures, figure, run_python, write_result
 from bench_corpus import corpus_speed
 from motionkit import actor
-from motionkit.actor.body import HEEL
-from motionkit.datasets.bandai import SMPL_NAMES
-from motionkit.metrics.spectra import bands, speed_bands, within_spread
+from motionkit.actor.bodies import HEEL
+from motionkit.datasets.captures import SMPL_NAMES
+from motionkit.metrics import bands, speed_bands, within_spread
 from probes import Frames, frame_accuracy, window_accuracy
 
 RESULT = ROOT / "results" / "actor.json"

@@ -14,7 +14,7 @@ from pathlib import Path
 import motionkit as mk
 from bench import ROOT, captures, figure, run_python, write_result
 from motionkit.arena import PROTOCOLS
-from motionkit.datasets.store import cache_folder
+from motionkit.files import cache_folder
 
 RESULT = ROOT / "results" / "arena-baselines.json"
 COUNT, FRAMES = 3780, 120

@@ -12,7 +12,7 @@ import motionkit as mk
 from bench import ROOT, figure, find_root, write_result
 from motionkit import sampling
 from motionkit.layers import Denoiser, TransformerConfig
-from motionkit.priors.quality import SEEDS, answers, quality
+from motionkit.methods.text_to_motion import SEEDS, answers, quality
 from motionkit.skeleton import smpl
 
 RESULT = ROOT / "results" / "diffusion.json"
@@ -43,7 +43,7 @@ def speed() -> tuple[dict, list[dict]]:
             if size == "paper":
                 call = 1000 * seconds_of(partial(network, x, t, text))
                 figures["paper_call_ms"] = figure(call, 52, "ms", f"denoiser, one call, {note}", False)
-            for scale in (1.0, mk.priors.SCALE):
+            for scale in (1.0, mk.methods.text_to_motion.SCALE):
                 predict = sampling.guided(network, text, none, scale)
                 taken = seconds_of(partial(sampling.ddim, predict, x, schedule, 20))
                 rows.append({"size": size, "guidance": scale, "seconds": round(taken, 4)})
@@ -55,10 +55,10 @@ def speed() -> tuple[dict, list[dict]]:
 def judged(data: str, root: str | None) -> tuple[dict, dict]:
     """A prior and its discriminator on the test part of their dataset, and the row of the table."""
     split = mk.datasets.load(data, root).split()
-    prior, judge = mk.priors.load(data), mk.judges.load(data)
+    prior, judge = mk.methods.text_to_motion.load(data), mk.judges.load(data)
     row = {"dataset": data, "prompts": len(split.test), "seeds": len(SEEDS)}
     row |= quality(prior, split, judge, f"{data}, 20 DDIM steps")
-    row |= mk.priors.retrieval(mk.priors.load_discriminator(data), split.test)
+    row |= mk.methods.text_to_motion.retrieval(mk.methods.text_to_motion.load_discriminator(data), split.test)
     before = prior.card.get("started_from") or {}  # weights that it went on from took their own steps and time
     for name in ("steps", "seconds"):
         row[f"training_{name}"] = prior.card[name] + before.get(name, 0)
@@ -104,7 +104,7 @@ def main() -> None:
     table = samplers(**things)
     fmds = {(row["sampler"], row["steps"]): row["fmd"] for row in table}
     ratio = fmds["dpm_solver", 10] / fmds["ddim", 50]
-    how = f"test prompts, 20 DDIM steps, guidance {mk.priors.SCALE:g}, mean over {len(SEEDS)} seeds"
+    how = f"test prompts, 20 DDIM steps, guidance {mk.methods.text_to_motion.SCALE:g}, mean over {len(SEEDS)} seeds"
     note = f"FMD on actor's test prompts, mean over {len(SEEDS)} seeds; DDIM in even steps"
     figures |= {
         "dpm_solver_10_over_ddim_50_fmd_ratio": figure(ratio, 1.05, "", note, False),

@@ -14,7 +14,7 @@ import torch
 import motionkit as mk
 from bench import ROOT, captures, figure, write_result
 from motionkit.arena import PROTOCOLS
-from motionkit.fewshot import ABLATIONS, Recipe
+from motionkit.methods.few_shot import ABLATIONS, Recipe
 
 RESULT = ROOT / "results" / "few-shot.json"
 EXAMPLES = 1  # of each style, drawn by the seed, of paper 1's 70: each is learned anew
@@ -24,8 +24,8 @@ CHANGES = (100, 200, 300, 400, 500)  # K of figure 8; each learns two styles ane
 
 def pairs(method, judge, test) -> list[dict]:
     """Table 2: are the neutral motions that are paired with test clips neutral, and do they keep the content?"""
-    rows, styled = [], [clip for clip in test if clip.style not in mk.pairs.NEUTRAL]
-    neutral = next(style for style in test.styles if style in mk.pairs.NEUTRAL)
+    rows, styled = [], [clip for clip in test if clip.style not in mk.methods.neutral_pairs.NEUTRAL]
+    neutral = next(style for style in test.styles if style in mk.methods.neutral_pairs.NEUTRAL)
     order = torch.randperm(len(styled), generator=torch.Generator().manual_seed(0)).tolist()
     clips = [styled[n] for n in order[:PAIRS]]
     real = judge.content.features([clip.motion for clip in test])
@@ -59,15 +59,15 @@ def bandai(split, figures: dict) -> dict:
 
 def sweeps(method, test) -> dict:
     """Figure 8: G on a styled clip of each kind, K on a clip of two styles taken to a neutral one of each content."""
-    neutral = next(style for style in test.styles if style in mk.pairs.NEUTRAL)
+    neutral = next(style for style in test.styles if style in mk.methods.neutral_pairs.NEUTRAL)
     first = {(clip.content, clip.style): clip for clip in reversed(list(test))}
     styled, contents = (
         [clip for kind, clip in sorted(first.items()) if (kind[1] == neutral) is same] for same in (False, True)
     )
     examples = styled[:: len(styled) // 2][:2]
     return {
-        "figure_8_g": mk.fewshot.sweep_noise(method, styled[::4]),
-        "figure_8_k": mk.fewshot.sweep_change(method, examples, contents, CHANGES),
+        "figure_8_g": mk.methods.few_shot.sweep_noise(method, styled[::4]),
+        "figure_8_k": mk.methods.few_shot.sweep_change(method, examples, contents, CHANGES),
     }
 
 

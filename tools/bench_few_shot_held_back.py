@@ -19,8 +19,9 @@ from bench_diffusion import seconds_of
 from motionkit.actor import perform
 from motionkit.arena import Protocol
 from motionkit.features import FacingFree
-from motionkit.fewshot import Chain, Recipe
 from motionkit.layers import Denoiser, TransformerConfig
+from motionkit.methods.few_shot import Recipe
+from motionkit.sampling import Chain
 from motionkit.skeleton import smpl
 
 RESULT = ROOT / "results" / "few-shot-held-back.json"

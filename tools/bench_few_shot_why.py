@@ -14,9 +14,8 @@ from functools import cached_property
 import motionkit as mk
 from bench import ROOT, captures, figure, write_result
 from motionkit.arena import PROTOCOLS
-from motionkit.fewshot import ABLATIONS, with_autoencoder
-from motionkit.methods.few_shot import FewShot
-from motionkit.priors import Prior
+from motionkit.methods.few_shot import ABLATIONS, FewShot, with_autoencoder
+from motionkit.methods.text_to_motion import Prior
 
 RESULT = ROOT / "results" / "few-shot-why.json"
 ROWS = ("ours", "without L_s", "with AE")

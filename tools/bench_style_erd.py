@@ -21,14 +21,10 @@ import motionkit as mk
 from bench import ROOT, figure, write_result
 from motionkit.actor import perform, retell
 from motionkit.arena import Protocol
-from motionkit.arena.truths import error_against
-from motionkit.cards import data_hash
-from motionkit.datasets.store import cache_folder
-from motionkit.erd.commands import train_model
-from motionkit.erd.frames import frames_of, split
-from motionkit.erd.model import ErdModel
-from motionkit.erd.recipe import ABLATIONS
-from motionkit.methods.style_erd import StyleErdMethod
+from motionkit.arena.transfers import error_against
+from motionkit.files import cache_folder
+from motionkit.methods.style_erd import ABLATIONS, ErdModel, StyleErdMethod, frames_of, split, train_model
+from motionkit.training import data_hash
 
 RESULT = ROOT / "results" / "style-erd.json"
 ROW_STEPS = 1500  # of every row of table 1; the shipped model has more

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import motionkit as mk
-from motionkit.actor import SEEN, UNSEEN, Performance, Performer, creatures, perform, retell
+from motionkit.actor import SEEN, UNSEEN, Performance, Performer, perform, performing, retell
 
 FOLDER = Path(__file__).resolve().parent.parent / "data" / "actor"
 # content, style, seconds: quick styles hold a whole gesture in three seconds, slow ones need more
@@ -53,7 +53,7 @@ def clips() -> Iterator[tuple[Performance, tuple[str, ...], str, str]]:
         made = perform(content, style, seed=number, performer=number, seconds=seconds)
         yield made, made.captions, f"person {number:02d}", made.motion.name
     for kind, content, style, seconds in CREATURES:
-        made = creatures.perform(content, style, seed=1, creature=kind, seconds=seconds)
+        made = performing.perform_creature(content, style, seed=1, creature=kind, seconds=seconds)
         yield made, made.captions, f"{kind} 01", made.motion.name
 
 

@@ -54,7 +54,7 @@ def answers() -> Iterator[tuple[str, Tensor]]:
             yield from numbers(f"{method} {name}", restyle.stylize(content, style=old))
     few, erd = mk.methods.load("few-shot"), mk.methods.load("style-erd")
     learned = few.learn(old, "an old person walks", title="")
-    paper = mk.methods.load("few-shot", recipe=mk.fewshot.Recipe.laptop().changed(steps=2))
+    paper = mk.methods.load("few-shot", recipe=mk.methods.few_shot.Recipe.laptop().changed(steps=2))
     adapted = paper.learn(old, "an old person walks", title="")
     walk = erd.seen(contents["walk_neutral"])
     stream = erd.stream(style="old")

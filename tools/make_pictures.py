@@ -8,7 +8,6 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import motionkit as mk
-from motionkit.viewer import colours
 
 ROOT = Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "notebooks" / "pictures"
@@ -50,7 +49,7 @@ def equation(style: str) -> Path:
             text,
             ha="center",
             fontsize=14,
-            color=colours.mix(colours.role_colour(role), "#000000", 0.35),
+            color=figure.mix(figure.role_colour(role), "#000000", 0.35),
         )
         if n:
             figure.text(n * 0.34 - 0.005, 0.45, "+="[n - 1], ha="center", va="center", fontsize=34, color="#39424e")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import motionkit as mk
 from motionkit import actor
-from motionkit.datasets.bandai import SMPL_NAMES
+from motionkit.datasets.captures import SMPL_NAMES
 from motionkit.viewer.plots import few_colours
 
 PICTURES = Path(__file__).resolve().parent.parent / "notebooks" / "pictures"
@@ -23,7 +23,7 @@ def main() -> None:
     captured = mk.retarget(clips[0], person.skeleton)
     pictures = {
         "captured_walk": mk.strip([captured[40:100], made[0][:60]], labels=["captured", "performer"], poses=7),
-        "captured_speeds": mk.viewer.plot_speed_bands(clips, made, {name: SMPL_NAMES[name] for name in SHOWN}),
+        "captured_speeds": mk.lessons.data.plot_speed_bands(clips, made, {name: SMPL_NAMES[name] for name in SHOWN}),
     }
     for name, picture in pictures.items():
         raw = io.BytesIO()

@@ -1,6 +1,6 @@
 """Run the tour without a browser: its result as BVH and the whole page as HTML, both in out/.
 
-    python tools/tour.py
+python tools/tour.py
 """
 
 import base64

@@ -5,16 +5,20 @@
 Motion('walk_tired_1', 120 frames at 30 fps, 4.0 s, 22 joints)
 """
 
-from .body import Performer
+from __future__ import annotations
+
+from .bodies import Performer
 from .performing import Performance, perform, retell
-from .presets import SEEN, UNSEEN, style_named
 from .score import CONTENTS
-from .style import Style, mix, parameters
+from .style import SEEN, UNSEEN, Style, mix, parameters, style_named
+
+VERSION = 1  # raised when what is performed changes: caches and kept results go by it
 
 __all__ = [
     "CONTENTS",
     "SEEN",
     "UNSEEN",
+    "VERSION",
     "Performance",
     "Performer",
     "Style",

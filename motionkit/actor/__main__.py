@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from .presets import SEEN, UNSEEN, style_named
-from .style import parameters
+from .style import SEEN, UNSEEN, parameters, style_named
 
 _HEAD = """# Styles
 

@@ -1,21 +1,73 @@
-"""What is meant to happen, before anybody performs it: acts on an axis of beats, and where they lead.
-
-A beat is one step of a walk. The same score in two styles gives two motions that agree beat by beat, and so the exact
-answer of a style transfer is known.
-"""
+"""When things happen: how many seconds each beat takes, and the beat of every frame."""
 
 from __future__ import annotations
 
 import math
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from ..errors import MotionKitError
-from .style import nearest
+from .bodies import Creature, Performer
+from .style import Style, nearest
+
+FINE = 128  # points of the fine axis for a beat
+WALK_RATE, RUN_RATE = 1.8, 2.5  # steps a second of a person with legs of 0.86 m
+GRAVITY = 9.81
+
+
+def fine_axis(first: float, last: float) -> Tensor:
+    """Beats from first to last in steps of 1 / FINE, float64."""
+    return torch.arange(math.floor(first * FINE), math.ceil(last * FINE) + 1, dtype=torch.float64) / FINE
+
+
+def beat_seconds(score: Score, style: Style, performer: Performer, beats: Tensor) -> Tensor:
+    """Seconds that a beat takes, at each beat [F]: pace, limp, pauses and chance; a jump's flight obeys gravity."""
+    pace = style.tempo * (0.86 / performer.leg) ** 0.5 * (1 + 0.02 * style.variability * score.draw("pace"))
+    run = score.weight(beats, ("run",))
+    hurried = max(style.tempo, 1.0) ** -0.6  # running steps are quick already
+    duration = 1 / (pace * (WALK_RATE + (RUN_RATE * hurried - WALK_RATE) * run))
+    limp = 1 - style.asymmetry * torch.cos(math.pi * (beats - 0.5))
+    dwell = 1 + style.pauses * torch.cos(2 * math.pi * (beats - 0.08))
+    varied = 1 + 0.025 * style.variability * score.noise("rhythm", beats).clamp(-2.5, 2.5)
+    duration = duration * limp * dwell * varied
+    for act in score.acts:
+        if act.name == "jump":
+            flight = 2 * math.sqrt(2 * jump_height(style, performer, act.size) / GRAVITY)
+            rise = act.start + JUMP_FLIGHT[0]
+            near = smooth((beats - rise + 0.5) / 0.45) * smooth((rise + 1.5 - beats) / 0.45)
+            duration = torch.lerp(duration, torch.full_like(duration, flight), near)
+    return duration
+
+
+JUMP_FLIGHT = (2.0, 3.0)  # beats of a jump between which no foot touches the ground
+
+
+def jump_height(style: Style, performer: Performer, size: float) -> float:
+    """How far the pelvis rises in flight, metres."""
+    return performer.leg * 0.3 * style.reach**1.5 * (1 + 0.06 * style.variability * max(-2, min(2, size)))
+
+
+def seconds_of(axis: Tensor, durations: Tensor) -> Tensor:
+    """The time [F] of each point of a fine axis of beats, 0 at its start (trapezoid rule)."""
+    steps = (axis[1:] - axis[:-1]) * (durations[1:] + durations[:-1]) / 2
+    return torch.cat((steps.new_zeros(1), torch.cumsum(steps, 0)))
+
+
+def interpolate(x: Tensor, xs: Tensor, ys: Tensor) -> Tensor:
+    """Values at x [F] of the line through points xs [N], ys [N] or [N, D]; xs rises. Held at its ends.
+
+    >>> interpolate(torch.tensor([0.5, 9.0]), torch.tensor([0.0, 1.0]), torch.tensor([0.0, 10.0]))
+    tensor([ 5., 10.])
+    """
+    high = torch.searchsorted(xs, x.contiguous()).clamp(1, len(xs) - 1)
+    share = ((x - xs[high - 1]) / (xs[high] - xs[high - 1])).clamp(0, 1)
+    share = share.reshape(share.shape + (1,) * (ys.ndim - 1))
+    return torch.lerp(ys[high - 1], ys[high], share)
+
 
 WALKS = ("walk", "walk_turn_left", "walk_turn_right", "walk_back", "run")
 GESTURES = {"jump": 5.0, "kick": 5.0, "punch": 5.0, "wave": 7.0, "raise_hands": 6.0, "bow": 6.0, "idle": 4.0}  # beats
@@ -188,3 +240,100 @@ def _sequence(contents: tuple[str, ...], beats: float, chance: random.Random) ->
     if now < beats:
         acts.append(Act("idle", now, beats - now))
     return tuple(acts)
+
+
+def contents_for(creature: Creature, content: str | Sequence[str]) -> tuple[str, ...]:
+    """One content or several; MotionKitError names the nearest of what this creature cannot do.
+
+    >>> from motionkit.actor.performing import creature_named
+    >>> contents_for(creature_named("dog"), "walk, sit")
+    ('walk', 'sit')
+    """
+    names = content.split(",") if isinstance(content, str) else list(content)
+    names = tuple(str(n).strip() for n in names)
+    for name in names:
+        if name not in creature.contents:
+            raise MotionKitError(f"a {creature.name} has no content {name!r}; {nearest(name, list(creature.contents))}")
+    if not names:
+        raise MotionKitError(f"no content given; a {creature.name} can {', '.join(creature.contents)}")
+    return names
+
+
+def compose_creature(
+    creature: Creature, contents: tuple[str, ...], seed: int, beats: float, path: Tensor | None
+) -> Score:
+    """A score of about so many beats. One deed is done again and again with rests; of several each is done once.
+
+    Raises MotionKitError if the beats do not hold what is asked for.
+    """
+    species = creature.species
+    chance = random.Random(f"{seed} {species.name} {' '.join(contents)}")
+    if len(contents) > 1:
+        acts = _creature_sequence(creature, contents, beats, chance)
+        return Score(acts, 0.0, acts[-1].stop, seed, path)
+    name = contents[0]
+    if name in species.gaits:
+        first = chance.uniform(0, 2)
+        return Score((_creature_walk(name, -4.0, first + beats + 8, chance),), first, first + beats, seed, path)
+    if name == "idle":
+        return Score((Act("idle", -1.0, beats + 2),), 0.0, beats, seed, path)
+    return Score(_again(creature, name, beats, chance), 0.0, beats, seed, path)
+
+
+def _creature_walk(name: str, start: float, length: float, chance: random.Random) -> Act:
+    turn = 0.0
+    if "turn" in name:
+        turn = math.radians(chance.uniform(40, 95)) * (1 if name.endswith("left") else -1)
+    return Act(name, start, length, 1, chance.gauss(0, 1), turn)
+
+
+def _again(creature: Creature, name: str, beats: float, chance: random.Random) -> tuple[Act, ...]:
+    length = creature.species.deeds[name].beats
+    if beats < length:
+        raise MotionKitError(
+            f"one {name} of a {creature.name} takes {length:g} beats and the clip holds {beats:.1f}; give more "
+            "seconds, or a quicker style"
+        )
+    count = max(1, int((beats - 0.5) // (length + 0.8)))
+    rest = (beats - count * length) / (count + 1)
+    acts, now, side = [], 0.0, chance.choice((1, -1))
+    for _ in range(count):
+        wait = rest * chance.uniform(0.5, 1.0)
+        acts += [Act("idle", now, wait), Act(name, now + wait, length, side, chance.gauss(0, 1))]
+        now, side = now + wait + length, -side
+    return (*acts, Act("idle", now, max(beats - now, 0) + 2))
+
+
+def _creature_sequence(
+    creature: Creature, contents: tuple[str, ...], beats: float, chance: random.Random
+) -> tuple[Act, ...]:
+    """Each once, in order: deeds take what they need, walks and rests share what is left."""
+    deeds = creature.species.deeds
+    shared = [c for c in contents if c not in deeds]
+    fixed = sum(deeds[c].beats for c in contents if c in deeds)
+    least = fixed + len(shared) * 2 * RAMP
+    if beats < least:
+        raise MotionKitError(
+            f"{', '.join(contents)} of a {creature.name} take at least {least:g} beats and the clip holds "
+            f"{beats:.1f}; give more seconds"
+        )
+    acts, now = [], 0.0
+    for name in contents:
+        if name in deeds:
+            act = Act(name, now, deeds[name].beats, chance.choice((1, -1)), chance.gauss(0, 1))
+        else:
+            length = (beats - fixed) / len(shared)
+            act = (
+                _creature_walk(name, now, length, chance) if name in creature.species.gaits else Act(name, now, length)
+            )
+        acts.append(act)
+        now = act.stop
+    if now < beats:
+        acts.append(Act("idle", now, beats - now))
+    return tuple(acts)
+
+
+def as_walked(score: Score, creature: Creature) -> Score:
+    """The score in the words of `plan_route`: a dog's trot leads along as a person's run does."""
+    ways = creature.species.gaits
+    return replace(score, acts=tuple(replace(act, name=ways.get(act.name, "idle")) for act in score.acts))

@@ -22,10 +22,10 @@ star and say without how many they are. The row `real` is the test clips themsel
 For a laptop and a lesson: 120 pairs drawn from those of paper-1.
 """
 
+from __future__ import annotations
+
 from .protocols import PROTOCOLS, Protocol, Transfer
 from .running import run
-from .scoring import COLUMNS, Cell
-from .table import ArenaTable, Row
-from .views import Outcome, Results
+from .table import COLUMNS, ArenaTable, Cell, Outcome, Results, Row
 
 __all__ = ["COLUMNS", "PROTOCOLS", "ArenaTable", "Cell", "Outcome", "Protocol", "Results", "Row", "Transfer", "run"]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from ..datasets import Clip, Dataset
 from ..errors import MotionKitError
-from ..pairs import NEUTRAL
+from ..methods.neutral_pairs import NEUTRAL
 
 ALL = (
     "fmd", "fmd_ae", "fmd_content", "fmd_style", "cra", "sra", "truth_error", "tsi", "fsf", "fca", "jitter", "seconds"

@@ -17,18 +17,25 @@ import motionkit
 
 from .. import datasets
 from ..datasets import Dataset, Split
-from ..datasets.store import cache_folder, make_folder
+from ..datasets.cache import make_folder
 from ..errors import MotionKitError
-from . import kept
-from .entrants import REAL, Entrant, entrants_of
-from .fingerprints import dataset_key
-from .making import make_results
-from .measuring import Bench, Measured, judge_key, measure_clips, measure_results
+from ..files import cache_folder
+from . import transfers
 from .protocols import Protocol, Transfer, protocol_named
-from .scoring import Setting, scores_of, scores_of_clips
-from .table import ArenaTable, Row
-from .truths import Truths
-from .views import Results
+from .table import ArenaTable, Results, Row, Setting, scores_of, scores_of_clips
+from .transfers import (
+    REAL,
+    Bench,
+    Entrant,
+    Measured,
+    Truths,
+    dataset_key,
+    entrants_of,
+    judge_key,
+    make_results,
+    measure_clips,
+    measure_results,
+)
 
 
 def run(
@@ -119,7 +126,7 @@ class _Work:
         return self._folder("clips")
 
     def _folder(self, what: str, more: str = "") -> Path:
-        text = f"{kept.FORMAT} {dataset_key(self.split.train, self.split.test)}{more}"
+        text = f"{transfers.FORMAT} {dataset_key(self.split.train, self.split.test)}{more}"
         name = f"{_plain(self.split.test.name)}-{what}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
         return make_folder(self.base / name, "give another one: run(..., folder=...)")
 
@@ -129,7 +136,7 @@ class _Work:
         own.mkdir(exist_ok=True)
         if not resume:
             for n in range(len(self.transfers)):
-                kept.result_path(own, n).unlink(missing_ok=True)
+                transfers.result_path(own, n).unlink(missing_ok=True)
         failed = make_results(entrant, self.split.train, self.split.test, self.transfers, own, self.jobs)
         measured = measure_results(bench, self.transfers, own, key, self.jobs, entrant.name)
         return own, replace(measured, problems=dict(sorted({**measured.problems, **failed}.items())))

@@ -8,23 +8,12 @@ motionkit.errors.MotionKitError: nowhere: no such file or folder; ...
 
 from __future__ import annotations
 
-import importlib
-import inspect
-import os
-from collections.abc import Sequence
-
-from ..errors import MotionKitError
-from .batches import BalancedSampler, Batch, batches, collate
+from .batches import BalancedSampler, Batch, Encoded, batches, collate
 from .corpus import Corpus, build_cache
-from .dataset import Clip, Dataset
-from .encoded import Encoded
-from .fetch import fetch
-from .shards import in_order
+from .dataset import Clip, Dataset, Split, Table, Window, Windows
+from .download import fetch
+from .loading import items_of, load, names, of_items
 from .sources import BvhSource, Item, Labels, Recording
-from .splits import Split
-from .store import open_store
-from .tables import Table
-from .windows import Window, Windows
 
 __all__ = [
     "BalancedSampler",
@@ -50,77 +39,3 @@ __all__ = [
     "names",
     "of_items",
 ]
-
-# dataset -> the module here whose `items(name, root, ...)` lists its clips
-_READERS = {
-    "100style": "style100",
-    "actor": "made",
-    "actor-held-back": "made",
-    "actor-unseen": "made",
-    "bandai-1": "bandai",
-    "bandai-2": "bandai",
-    "creatures": "made",
-    "folder": "folder",
-    "humanml3d": "humanml3d_files",
-    "xia": "xia",
-}
-
-
-def names() -> list[str]:
-    """The datasets that `load` knows.
-
-    >>> names()
-    ['100style', 'actor', 'actor-held-back', 'actor-unseen', 'bandai-1', 'bandai-2', 'creatures', 'folder', ...]
-    """
-    return sorted(_READERS)
-
-
-def items_of(name: str, root: str | os.PathLike | None = None, **options) -> Sequence[Item]:
-    """The clips of a dataset as they are found, nothing read yet; see `load`.
-
-    >>> items_of("bandai")
-    Traceback (most recent call last):
-    ...
-    motionkit.errors.MotionKitError: no dataset 'bandai'; there are '100style', 'actor', ...
-    """
-    if name not in _READERS:
-        raise MotionKitError(f"no dataset {name!r}; there are {', '.join(map(repr, names()))}")
-    items = importlib.import_module(f".{_READERS[name]}", __name__).items
-    known = list(inspect.signature(items).parameters)[2:]
-    if not set(options) <= set(known):
-        unknown = min(set(options) - set(known))
-        raise MotionKitError(f"dataset {name!r} has no option {unknown!r}; it has {', '.join(known) or 'none'}")
-    found = items(name, root, **options)
-    if not found:
-        raise MotionKitError(f"{root}: no clips of {name} here; give the folder or zip that has them")
-    return found
-
-
-def load(name: str = "actor", root: str | os.PathLike | None = None, **options) -> Dataset:
-    """A dataset by name.
-
-    name: one of `names()`. root: a folder with the clips somewhere below it, or the archive's zip, which is
-    read in place; left out, the environment variable MOTIONKIT_DATA says. options: what the dataset's reader takes
-    beside these, as `pattern` for "folder". The first time all clips are read (about 10 s on two cores for
-    Bandai-2) and kept in the cache folder (MOTIONKIT_CACHE, or the system's usual place); later it takes a moment.
-    Raises MotionKitError that says how to get the data if they are not there; `fetch` gets Bandai-2.
-
-    >>> load("bandai-2", root="data")
-    Traceback (most recent call last):
-    ...
-    motionkit.errors.MotionKitError: data: no clips of bandai-2 here (dataset-2_CONTENT_STYLE_NNN.bvh); ...
-    """
-    return of_items(name, items_of(name, root, **options))
-
-
-def of_items(name: str, items: Sequence[Item]) -> Dataset:
-    """A dataset of clips that you list yourself, cached as those of `load`; `name` is for messages and the cache.
-
-    Each item has a name, labels, and a source that makes its motion. Raises MotionKitError if two have one name.
-
-    >>> source = BvhSource.at("data/actor/walk_neutral.bvh")
-    >>> of_items("mine", [Item("walk_1", Labels("walk", "neutral", ("a person walks",)), source)])
-    Dataset('mine', 1 clips, 1 contents, 1 styles)
-    """
-    items = in_order(name, items)
-    return Dataset(name, open_store(name, items), tuple(item.labels for item in items))

@@ -12,10 +12,21 @@ from pathlib import Path
 
 from ..errors import MotionKitError
 from ..files import write_atomic
+from .cache import (
+    FORMAT,
+    Shard,
+    Store,
+    cut_into,
+    forget,
+    in_order,
+    key_of,
+    make_folder,
+    read_shard,
+    relabel,
+    write_shards,
+)
 from .dataset import Dataset
-from .shards import FORMAT, Shard, cut_into, forget, in_order, key_of, read_shard, relabel, write_shards
 from .sources import Item
-from .store import Store, make_folder
 
 _PLAN = "corpus.json"
 _SHARD = re.compile(r"shard-\d{5,}\.(f32|json)")
@@ -126,7 +137,7 @@ def _check(bad: str, shard_clips: int) -> None:
 def _items(root: str | os.PathLike | Sequence[Item], dataset: str, options: dict) -> Sequence[Item]:
     if not isinstance(root, str | os.PathLike):
         return root
-    from . import items_of
+    from .loading import items_of
 
     if dataset == "folder" and not options:
         options = {"pattern": "{}"}

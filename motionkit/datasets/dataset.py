@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, overload
+from html import escape
+from typing import NamedTuple, overload
 
 import numpy as np
 import torch
@@ -15,13 +17,9 @@ from ..contacts import foot_contacts
 from ..errors import MotionKitError
 from ..motion import Motion
 from ..skeleton import Skeleton
+from .cache import Store
 from .sources import Labels, Recording
-from .splits import Split, split_numbers
-from .tables import Table, caption_table, count_table
-
-if TYPE_CHECKING:
-    from .store import Store
-    from .windows import Windows
+from .splits import split_numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +105,14 @@ class Clip:
 
     def __repr__(self) -> str:
         return f"Clip({self.name!r}, {len(self)} frames, content {self.content!r}, style {self.style!r})"
+
+
+class Split(NamedTuple):
+    """The three parts; `train, validation, test = ds.split()`."""
+
+    train: Dataset
+    validation: Dataset
+    test: Dataset
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,9 +220,7 @@ class Dataset:
                 numbers = tuple(n for n in numbers if getattr(self.labels[n], label) in wanted)
         return self._some(numbers)
 
-    def split(
-        self, by: str | None = None, shares: tuple[float, float, float] | None = None, seed: int = 0
-    ) -> Split:
+    def split(self, by: str | None = None, shares: tuple[float, float, float] | None = None, seed: int = 0) -> Split:
         """Three datasets, `train`, `validation` and `test`, no take in two of them.
 
         by: `take` deals out takes so that every part has its share of each content x style; `performer`, `content` or
@@ -233,7 +237,6 @@ class Dataset:
         short: what becomes of frames that fill no window. `skip` leaves them out; `pad` gives a last window that goes
         on in the last pose, with a mask that says so.
         """
-        from .windows import Windows
 
         return Windows(self, length, length if stride is None else stride, short)
 
@@ -277,3 +280,239 @@ def _wanted(what: str, asked: str | Collection[str], there: tuple[str, ...]) -> 
     if unknown:
         raise MotionKitError(f"no clip has the {what} {unknown[0]!r}; there are {', '.join(there)}")
     return wanted
+
+
+_SHOWN = 40  # lines; the others are in `rows`
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under a header; `rows` has all of them, printing shows the first 40.
+
+    >>> print(Table(("content", "old", "proud"), (("walk", 3, 12), ("jump", 0, 4))))
+    content  old  proud
+    walk       3     12
+    jump       0      4
+    """
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str | int, ...], ...]
+
+    @property
+    def _more(self) -> str:
+        hidden = len(self.rows) - _SHOWN
+        return f"... and {hidden} more lines in .rows" if hidden > 0 else ""
+
+    def __str__(self) -> str:
+        shown = (self.header, *self.rows[:_SHOWN])
+        widths = [max(len(str(row[n])) for row in shown) for n in range(len(self.header))]
+        right = [bool(self.rows) and all(isinstance(row[n], int) for row in self.rows) for n in range(len(widths))]
+        lines = (
+            "  ".join(f"{str(x):>{w}}" if r else f"{str(x):<{w}}" for x, w, r in zip(row, widths, right)).rstrip()
+            for row in shown
+        )
+        return "\n".join([*lines, *filter(None, [self._more])])
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        head = "".join(f"<th>{escape(str(x))}</th>" for x in self.header)
+        body = "".join(
+            "<tr>" + "".join(f'<td style="text-align:{_side(x)}">{escape(str(x))}</td>' for x in row) + "</tr>"
+            for row in self.rows[:_SHOWN]
+        )
+        more = f"<p>{escape(self._more)}</p>" if self._more else ""
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{more}"
+
+
+def _side(value: str | int) -> str:
+    return "right" if isinstance(value, int) else "left"
+
+
+def count_table(dataset: Dataset) -> Table:
+    """Clips of each content and style; the more numerous kind of label goes down the page, if it is a long one."""
+    down, across = ("content", dataset.contents), ("style", dataset.styles)
+    if len(across[1]) > max(len(down[1]), 12):
+        down, across = across, down
+    counts = Counter(
+        (getattr(dataset.labels[n], down[0]), getattr(dataset.labels[n], across[0])) for n in dataset.numbers
+    )
+    rows = [(d, *(counts[d, a] for a in across[1])) for d in down[1]]
+    rows = [(*row, sum(row[1:])) for row in rows]
+    sums = tuple(sum(column) for column in list(zip(*rows))[1:]) if rows else (0,)
+    return Table((f"{down[0]} \\ {across[0]}", *across[1], "all"), (*rows, ("all", *sums)))
+
+
+def caption_table(dataset: Dataset) -> Table:
+    """Every sentence of every clip."""
+    rows = (
+        (dataset.store.clips[n].name, label.content, label.style, text)
+        for n, label in ((n, dataset.labels[n]) for n in dataset.numbers)
+        for text in label.texts
+    )
+    return Table(("clip", "content", "style", "text"), tuple(rows))
+
+
+_SHORT = ("skip", "pad")
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Frames `start` to `start + length` of a clip; the last of them may lie beyond its end (see `valid`)."""
+
+    clip: Clip
+    start: int
+    length: int
+
+    @property
+    def content(self) -> str:
+        """The clip's content."""
+        return self.clip.content
+
+    @property
+    def style(self) -> str:
+        """The clip's style."""
+        return self.clip.style
+
+    @property
+    def text(self) -> str:
+        """The clip's best sentence."""
+        return self.clip.text
+
+    @property
+    def name(self) -> str:
+        """The clip's name with the frames, as `walk_old_001[64:128]`."""
+        return f"{self.clip.name}[{self.start}:{self.start + self.length}]"
+
+    @property
+    def frames(self) -> int:
+        """How many frames are the clip's own; those after them repeat its last pose."""
+        return min(self.length, len(self.clip) - self.start)
+
+    @property
+    def valid(self) -> Tensor:
+        """Which frames are the clip's own, bool [F]."""
+        return torch.arange(self.length) < self.frames
+
+    @cached_property
+    def recording(self) -> Recording:
+        """Motion and tracks of these frames, padded; nothing else of the clip is read."""
+        found = self.clip.dataset.store.recording(self.clip.number, self.start, self.start + self.frames)
+        if self.frames < self.length:
+            at = torch.arange(self.length).clamp(max=self.frames - 1)
+            motion = found.motion
+            held = motion.replace(rotations=motion.rotations[at], translations=motion.translations[at])
+            found = Recording(held, {name: track[at] for name, track in found.tracks.items()})
+        return Recording(found.motion.replace(name=self.name), found.tracks)
+
+    @property
+    def motion(self) -> Motion:
+        """The frames as a motion, in metres, where they stood in the clip's world."""
+        return self.recording.motion
+
+    @property
+    def contacts(self) -> Tensor:
+        """Which foot joints stand, bool [F, K], judged over the whole clip."""
+        stored = self.recording.tracks.get("contacts")
+        if stored is not None:
+            return stored.bool()
+        at = torch.arange(self.start, self.start + self.length).clamp(max=len(self.clip) - 1)
+        return self.clip.contacts[at]
+
+    def __len__(self) -> int:
+        return self.length
+
+    def __repr__(self) -> str:
+        padded = f", {self.frames} of them its own" if self.frames < self.length else ""
+        return f"Window({self.name!r}, {self.length} frames{padded})"
+
+
+@dataclass(frozen=True, eq=False)
+class Windows(Sequence):
+    """All windows of a dataset, clip after clip; `dataset.windows(64, stride=32)` makes it, `[i]` is a `Window`.
+
+    length, stride: frames. Nothing is read before a window is looked at. It is a torch `Dataset` as well. Windows
+    cannot be split: neighbours share frames, so split the dataset first.
+
+    >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
+    >>> walks = {style: BvhSource.at(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old")}
+    >>> ds = of_items("walks", [Item(s, Labels("walk", s, ()), walk) for s, walk in walks.items()])
+    >>> windows = ds.windows(50, stride=25, short="pad")
+    >>> len(windows), windows[3]
+    (10, Window('neutral[75:125]', 50 frames, 45 of them its own))
+    """
+
+    dataset: Dataset
+    length: int
+    stride: int
+    short: str = "skip"
+
+    def __post_init__(self) -> None:
+        for what, value in (("length", self.length), ("stride", self.stride)):
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise MotionKitError(f"windows: {what} is a number of frames from 1; found {value!r}")
+        if self.short not in _SHORT:
+            raise MotionKitError(f"windows: short is {' or '.join(map(repr, _SHORT))}; found {self.short!r}")
+        if len(self.dataset) and not len(self):
+            longest = self._frames.max()
+            raise MotionKitError(
+                f"dataset {self.dataset.name!r}: no clip has {self.length} frames; the longest has {longest}: choose "
+                'a smaller length, or short="pad"'
+            )
+
+    @cached_property
+    def _numbers(self) -> np.ndarray:
+        return np.array(self.dataset.numbers, dtype=np.int64)
+
+    @cached_property
+    def _frames(self) -> np.ndarray:
+        return self.dataset.store.frames[self._numbers]
+
+    @cached_property
+    def _counts(self) -> np.ndarray:
+        """How many windows each clip has: those that fit, and with `pad` one more for what is left over."""
+        beyond = self._frames - self.length
+        if self.short == "skip":
+            return np.where(beyond >= 0, beyond // self.stride + 1, 0)
+        return np.minimum(-(-np.maximum(beyond, 0) // self.stride) + 1, -(-self._frames // self.stride))
+
+    @cached_property
+    def _ends(self) -> np.ndarray:
+        return np.cumsum(self._counts)
+
+    def __len__(self) -> int:
+        return int(self._ends[-1]) if len(self._ends) else 0
+
+    def __repr__(self) -> str:
+        return f"Windows({len(self)} of {self.length} frames, every {self.stride}, from {self.dataset!r})"
+
+    @overload
+    def __getitem__(self, number: int) -> Window: ...
+    @overload
+    def __getitem__(self, number: slice) -> list[Window]: ...
+    def __getitem__(self, number):
+        if isinstance(number, slice):
+            return [self[n] for n in range(len(self))[number]]
+        found = range(len(self))[number]
+        clip = int(np.searchsorted(self._ends, found, "right"))
+        start = (found - int(self._ends[clip] - self._counts[clip])) * self.stride
+        return Window(self.dataset[clip], start, self.length)
+
+    def __iter__(self) -> Iterator[Window]:
+        return (self[n] for n in range(len(self)))
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """As `Dataset.skeleton`."""
+        return self.dataset.skeleton
+
+    def clip_numbers(self) -> Tensor:
+        """For each window the stored number of its clip, long [N]."""
+        return torch.from_numpy(np.repeat(self._numbers, self._counts))
+
+    def split(self, *_, **__) -> None:
+        """Always a MotionKitError: windows of one clip share frames, or nearly, so a test on some would leak."""
+        raise MotionKitError(
+            "windows are not split, since neighbours resemble each other and a test would leak; split the dataset "
+            "first: train, validation, test = dataset.split(), then train.windows(...)"
+        )

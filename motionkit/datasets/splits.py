@@ -8,27 +8,25 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Hashable, Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import Protocol, TypeVar
 
 from ..errors import MotionKitError
-
-if TYPE_CHECKING:
-    from .dataset import Dataset
 
 _KINDS = ("take", "performer", "content", "style", "given")
 _T = TypeVar("_T")
 
 
-class Split(NamedTuple):
-    """The three parts; `train, validation, test = ds.split()`."""
+class Labelled(Protocol):
+    """What splitting needs of a `Dataset`."""
 
-    train: Dataset
-    validation: Dataset
-    test: Dataset
+    name: str
+    numbers: Sequence[int]
+    labels: Sequence
+    store: object
 
 
 def split_numbers(
-    dataset: Dataset, by: str | None, shares: Sequence[float] | None, seed: int
+    dataset: Labelled, by: str | None, shares: Sequence[float] | None, seed: int
 ) -> tuple[list[int], list[int], list[int]]:
     """Numbers of the clips of train, validation and test, in the dataset's order; see `Dataset.split`."""
     if by is None:
@@ -61,7 +59,7 @@ def _checked(shares: Sequence[float]) -> tuple[float, ...]:
     return found
 
 
-def _given(dataset: Dataset) -> dict[int, int]:
+def _given(dataset: Labelled) -> dict[int, int]:
     """The makers' part of each clip; MotionKitError where there is none, or a take is in two."""
     names = {"train": 0, "training": 0, "validation": 1, "val": 1, "test": 2}
     found, takes = {}, {}
@@ -82,7 +80,7 @@ def _given(dataset: Dataset) -> dict[int, int]:
     return found
 
 
-def _take(dataset: Dataset, number: int) -> str:
+def _take(dataset: Labelled, number: int) -> str:
     return dataset.labels[number].take or dataset.store.clips[number].name
 
 
@@ -98,14 +96,14 @@ def _grouped(pairs: Iterable[tuple[Hashable, _T]]) -> dict[Hashable, list[_T]]:
     return found
 
 
-def _take_groups(dataset: Dataset, seed: int) -> list[list[int]]:
+def _take_groups(dataset: Labelled, seed: int) -> list[list[int]]:
     """Clips of each take; takes of the same content and style stand together, so that dealing stratifies."""
     takes = _grouped((_take(dataset, n), n) for n in dataset.numbers)
     kinds = _grouped((tuple(sorted({dataset.labels[n][:2] for n in clips})), take) for take, clips in takes.items())
     return [takes[take] for kind in _mixed(seed, kinds) for take in _mixed(seed, kinds[kind])]
 
 
-def _label_groups(dataset: Dataset, by: str, seed: int) -> list[list[int]]:
+def _label_groups(dataset: Labelled, by: str, seed: int) -> list[list[int]]:
     """Clips of each performer, content or style; those that a take ties together are one group."""
     if by == "performer" and not all(dataset.labels[n].performer for n in dataset.numbers):
         nobody = next(n for n in dataset.numbers if not dataset.labels[n].performer)

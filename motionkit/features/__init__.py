@@ -16,12 +16,13 @@ Print `layout.table()` for what every number means, `layout.describe(n)` for one
 positions x of right_hip (m)
 """
 
+from __future__ import annotations
+
+from .canonical import motion_from_positions
 from .facing_free import FacingFree
-from .from_positions import motion_from_positions
 from .graph import Graph
 from .humanml3d import HumanML3D
-from .layout import Layout, Row
-from .normalizer import Normalizer
+from .layout import Layout, Normalizer, Row
 from .sixd import SixD
 from .style_erd import StyleERD
 

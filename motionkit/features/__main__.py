@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import inspect
 
-from . import FacingFree, Graph, HumanML3D, Layout, SixD, StyleERD
+from .facing_free import FacingFree
+from .graph import Graph
+from .humanml3d import HumanML3D
+from .layout import Layout
+from .sixd import SixD
+from .style_erd import StyleERD
 
 LAYOUTS = {FacingFree: "paper 1", StyleERD: "paper 2", Graph: "paper 3", HumanML3D: "paper 4", SixD: "paper 5"}
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
 from .. import kinematics
 from .. import rotations as rot
-from ..motion import Motion
-from .frames import assemble, body_frames, forward_difference, integrate, place
-from .layout import Layout, Row
+from ..motion import Motion, in_order
+from ..skeleton import Skeleton
+from .canonical import assemble, body_frames, forward_difference, integrate, place
+from .layout import Layout, Normalizer, Row
 
 
 class FacingFree(Layout):
@@ -99,3 +102,38 @@ class FacingFree(Layout):
         local[:, above] = kinematics.local_rotations(self.skeleton, world)[:, above]
         pelvis = torch.stack((ground[:, 0], x[:, 3], ground[:, 1]), -1)
         return assemble(self.skeleton, rot.unroll(local), pelvis, self.positions(x), self.fps)
+
+
+class OfBody(FacingFree):
+    """Facing-free features of the body alone: helper joints above the pelvis, whose place means little, are left out.
+
+    >>> import motionkit as mk
+    >>> OfBody().encode(mk.load("data/actor/walk_neutral.bvh")).shape
+    torch.Size([120, 199])
+    """
+
+    def encode(self, motion: Motion) -> Tensor:
+        """A motion of F frames, its joints in any order, to features [F, D]; MotionKitError as in `FacingFree`."""
+        body = motion.body()
+        return super().encode(body if self._skeleton is None else in_order(body, self._skeleton))
+
+
+def encoded(motion: Motion, layout: OfBody, normalizer: Normalizer) -> Tensor:
+    """A motion of F frames, its joints in any order and at any frame rate, to normalised features [F, D].
+
+    Raises MotionKitError for another skeleton.
+    """
+    motion = motion if abs(motion.fps - layout.fps) < 1e-3 else motion.resample(layout.fps)
+    return normalizer.normalize(layout.encode(motion).float())
+
+
+def of_size(layout: FacingFree, x: Tensor) -> Skeleton:
+    """The layout's skeleton, as large as the body whose joints' positions are among the features [F, D]."""
+    skeleton, places = layout.skeleton, layout.positions(x)
+    above_pelvis = skeleton.chain(skeleton.pelvis)  # helper joints, which may be anywhere
+    below = [j for j in range(len(skeleton)) if j not in above_pelvis and skeleton.offsets[j].norm() > 0]
+    above = [skeleton.parents[joint] for joint in below]
+    lengths = (places[:, below] - places[:, above]).norm(dim=-1).mean(0)
+    ratio = float(lengths.sum() / skeleton.offsets[below].norm(dim=-1).sum())
+    ends = tuple((joint, tuple(ratio * n for n in place)) for joint, place in skeleton.end_sites)
+    return replace(skeleton, offsets=skeleton.offsets * ratio, end_sites=ends)

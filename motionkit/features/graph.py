@@ -9,7 +9,7 @@ from .. import kinematics
 from .. import rotations as rot
 from ..errors import MotionKitError
 from ..motion import Motion
-from .frames import assemble, body_frames, place
+from .canonical import assemble, body_frames, place
 from .layout import Layout, Row
 
 

@@ -9,8 +9,7 @@ from .. import rotations as rot
 from ..errors import MotionKitError
 from ..motion import Motion
 from ..skeleton import Skeleton, smpl
-from .frames import body_frames, forward_difference, integrate, place
-from .from_positions import motion_from_positions
+from .canonical import body_frames, forward_difference, integrate, motion_from_positions, place
 from .layout import Layout, Row
 
 FACING_SMOOTHED_BY = 20.0  # frames, standard deviation, as the data were made

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from .. import rotations as rot
 from ..motion import Motion
-from .frames import assemble
+from .canonical import assemble
 from .layout import Layout, Row
 
 

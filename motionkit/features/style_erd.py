@@ -7,7 +7,7 @@ from torch import Tensor
 
 from .. import rotations as rot
 from ..motion import Motion
-from .frames import assemble, forward_difference, integrate
+from .canonical import assemble, forward_difference, integrate
 from .layout import Layout, Row
 
 
@@ -66,3 +66,9 @@ class StyleERD(Layout):
         places, pelvis = self._read(x)
         local = rot.normalize(x[:, self.slices["rotations"]].unflatten(1, (-1, 4)))
         return assemble(self.skeleton, local, pelvis, places, self.fps)
+
+
+SETTLE = 0.3  # how much of the way to where its feet stand a body rises or falls in a frame, beside its velocity
+
+
+TENTH = 10.0  # velocities are in metres a tenth of a second: of about the size of positions

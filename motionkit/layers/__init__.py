@@ -1,8 +1,18 @@
 """Network parts that the methods and the judges share."""
 
-from .critics import ContentNet, FtAttCritic, MultiClassCritic, attended
-from .stgcn import StGcn, StGcnBlock, StGcnConfig, spatial_partitions
-from .style_erd import Branches, ErdConfig, ErdState, StyleErd
+from __future__ import annotations
+
+from ..methods.style_erd import (
+    Branches,
+    ContentNet,
+    ErdConfig,
+    ErdState,
+    FtAttCritic,
+    MultiClassCritic,
+    StyleErd,
+    attended,
+)
+from .graph import StGcn, StGcnBlock, StGcnConfig, spatial_partitions
 from .transformer import (
     Denoiser,
     PoseEmbedding,

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import importlib.util
 import inspect
 
 from ..errors import MotionKitError
 
 _METHODS = {
-    "copy-content": ("copying", "CopyContent"),
-    "copy-style": ("copying", "CopyStyle"),
+    "copy-content": ("baselines", "CopyContent"),
+    "copy-style": ("baselines", "CopyStyle"),
     "few-shot": ("few_shot", "FewShot"),
-    "knn-dtw": ("neighbours", "KnnDtw"),
-    "linear": ("linear", "Linear"),
-    "statistics": ("statistics", "Statistics"),
+    "knn-dtw": ("baselines", "KnnDtw"),
+    "linear": ("baselines", "Linear"),
+    "statistics": ("baselines", "Statistics"),
     "style-erd": ("style_erd", "StyleErdMethod"),
 }
 
@@ -56,3 +57,10 @@ def load(name: str, **options):
                 "transfer, such as strength, goes to stylize"
             )
     return method(**options)
+
+
+def __getattr__(name: str):
+    """A method's module, such as `mk.methods.few_shot`, imported when first named."""
+    if importlib.util.find_spec(f"{__name__}.{name}") is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return importlib.import_module(f".{name}", __name__)

@@ -7,8 +7,8 @@
 from __future__ import annotations
 
 from ..errors import MotionKitError
-from .encoder import Remembered, TextEncoder, check_prompt, content_key, similarity
-from .rewriting import style_in, to_neutral, to_style
+from .captions import style_in, to_neutral, to_style
+from .encoders import Remembered, TextEncoder, check_prompt, content_key, similarity
 
 __all__ = [
     "Remembered",
@@ -40,13 +40,13 @@ def load(name: str = "mini") -> TextEncoder:
     motionkit.errors.MotionKitError: no text encoder 'bert'; expected 'mini', ...
     """
     if name == "mini":
-        from .mini import load_mini
+        from .encoders import load_mini
 
         return load_mini()
     kind, _, model = str(name).partition(":")
     if kind not in ("sentence-transformers", "clip", "open-clip") or not model.strip():
         raise MotionKitError(f"no text encoder {name!r}; expected {_FORMS}")
-    from . import pretrained
+    from . import encoders
 
-    make = {"sentence-transformers": pretrained.sentence_transformer, "clip": pretrained.clip}
-    return Remembered(make.get(kind, pretrained.open_clip)(model))
+    make = {"sentence-transformers": encoders.sentence_transformer, "clip": encoders.clip}
+    return Remembered(make.get(kind, encoders.open_clip)(model))

@@ -15,8 +15,7 @@ import traitlets
 
 from ..errors import MotionKitError
 from ..files import write_atomic
-from .body import as_list, figures, per_motion
-from .pack import contact_marks, inline, pack
+from .figure import as_list, contact_marks, figures, inline, pack, per_motion
 
 _JS = Path(__file__).parent / "js"
 _PARTS = ("stage.js", "camera.js", "shaders.js", "gl.js", "flat.js", "view.js")

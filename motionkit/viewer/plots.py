@@ -11,8 +11,7 @@ from matplotlib.figure import Figure as Picture
 
 from ..errors import MotionKitError
 from . import colours
-from .body import Figure, as_list, figures, lefts, per_motion
-from .drawing import TURN, draw_figure, draw_floor, view_axes
+from .figure import TURN, Figure, as_list, draw_figure, draw_floor, figures, lefts, per_motion, view_axes
 
 INK, SOFT = "#39424e", "#7a8491"
 

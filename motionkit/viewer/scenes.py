@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from ..errors import MotionKitError
 from . import colours
-from .body import Figure, as_list, figures, per_motion
+from .figure import Figure, as_list, figures, per_motion
 
 MIME = "application/vnd.plotly.v1+json"
 FRAMES = 48

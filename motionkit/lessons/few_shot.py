@@ -1,0 +1,192 @@
+"""The exercises of notebook 07: for each its reference, its cases and its hint, as `lessons.Exercise` takes them."""
+
+from __future__ import annotations
+
+import html
+import io
+from collections.abc import Mapping
+
+import ipywidgets
+import torch
+from torch import Tensor
+
+from .. import bvh
+from ..errors import MotionKitError
+from ..motion import Motion
+from ..viewer.figure import Pictured
+from ..viewer.player import Player
+from ..viewer.plots import INK, SOFT, Print, few_colours, strip
+
+
+def _low_rank(weight: Tensor, down: Tensor, up: Tensor, strength: float) -> Tensor:
+    """A matrix [out, in] with a change of low rank: A = down [rank, in], B = up [out, rank]."""
+    return weight + strength * up @ down
+
+
+def _blend(predictions: list[Tensor], weights: list[float], base: Tensor) -> Tensor:
+    """Predictions with their weights, and the rest of 1 from the base."""
+    return sum((w * x for w, x in zip(weights, predictions)), (1 - sum(weights)) * base)
+
+
+def _matrices() -> list[tuple]:
+    chance = torch.Generator().manual_seed(0)
+    weight, down, up = (torch.randn(shape, generator=chance) for shape in ((6, 5), (2, 5), (6, 2)))
+    return [(weight, down, up, strength) for strength in (1.0, 0.5, 0.0)]
+
+
+def _predictions() -> list[tuple]:
+    a, b, base = torch.randn(3, 1, 8, 4, generator=torch.Generator().manual_seed(0))
+    return [([a], [1.0], base), ([a, b], [0.5, 0.5], base), ([a, b], [1.5, -0.5], base), ([a], [0.3], base)]
+
+
+EXERCISES = {
+    "low_rank": (_low_rank, _matrices, "B A has the shape of the matrix: up comes first, and strength scales it all"),
+    "blend": (_blend, _predictions, "the weights of all that is added up make 1: the base gets what they leave"),
+}
+
+
+_TINTS = {"said": SOFT, "error": "#b3261e"}
+ALL = "all of them"
+_STRENGTHS = (0.0, 0.5, 0.75, 1.0, 1.25, 1.5)
+
+
+class StyleLesson(Pictured, ipywidgets.HBox):
+    """Controls on the left: a BVH file, a sentence that says what it does and how, *learn*; then what is to be played.
+
+    On the right a player with a content and the same content in the style that was learned last, or with all contents
+    in that style, each on the spot. What is wrong with a clip or a sentence is told under the controls, and what was
+    learned before stays.
+
+    method: of `methods.load("few-shot")`, or anything with its `learn` and `stylize`. contents: by their captions,
+    neutral motions. style, prompt: a clip and its sentence to begin with; left out, nothing is learned yet. Raises
+    MotionKitError if there are no contents, or if the first clip cannot be learned from.
+
+    controls: "file", "prompt", "content" and "strength", name to widget; set their values and it follows; `learn()` is
+    what the button does. `results` are the restyled motions shown, `learned` the style, `message` what stands under the
+    controls.
+
+    >>> import motionkit as mk
+    >>> walk, old = (mk.load(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old"))
+    >>> lesson = StyleLesson(mk.methods.load("few-shot"), {"a person walks": walk})
+    >>> lesson.message
+    'give a BVH file of a second or more, and say what it does and how'
+    """
+
+    about = "a style lesson"
+
+    def __init__(
+        self, method: object, contents: Mapping[str, Motion], style: Motion | None = None, prompt: str = ""
+    ) -> None:
+        if not contents or not all(isinstance(motion, Motion) for motion in contents.values()):
+            raise MotionKitError(f"StyleLesson: expected contents by their captions; found {contents!r:.80}")
+        self._method, self._contents, self._clip = method, dict(contents), style
+        self.learned, self.results, self.message, self._kind = None, [], "", "said"
+        self.controls = _controls(list(self._contents), prompt)
+        self.button = ipywidgets.Button(description="learn", button_style="primary", layout={"width": "110px"})
+        self._text = ipywidgets.HTML(layout={"width": "290px"})
+        self.player = Player(self.chosen, height=360, roles=["content"], labels=["content"])
+        names = ("file", "prompt")
+        left = [*(self.controls[name] for name in names), self.button, self.controls["content"]]
+        column = ipywidgets.VBox(
+            [*left, self.controls["strength"], self._text], layout={"width": "310px", "padding": "4px 8px 0 0"}
+        )
+        show = ipywidgets.Box([self.player], layout={"flex": "1 1 360px", "min_width": "300px", "display": "block"})
+        super().__init__([column, show], layout={"flex_flow": "row wrap"})
+        self._tell("said", "give a BVH file of a second or more, and say what it does and how")
+        if style is not None:
+            self._learn()
+        self.controls["file"].observe(lambda _: self._read(), "value")
+        for name in ("content", "strength"):
+            self.controls[name].observe(lambda _: self._play(), "value")
+        self.button.on_click(lambda _: self.learn())
+
+    @property
+    def captions(self) -> list[str]:
+        """Of the motions that are to be restyled."""
+        caption = self.controls["content"].value
+        return list(self._contents) if caption == ALL else [caption]
+
+    @property
+    def _names(self) -> list[str]:
+        return [caption.removeprefix("a person ") for caption in self.captions]
+
+    @property
+    def chosen(self) -> list[Motion]:
+        """The motions that are to be restyled."""
+        return [self._contents[caption] for caption in self.captions]
+
+    def learn(self) -> None:
+        """Learn the style of the clip that was given, and play it."""
+        self.button.disabled, self.button.description = True, "learning ..."
+        try:
+            self._learn()
+        except MotionKitError as error:
+            self._tell("error", str(error))
+        finally:
+            self.button.disabled, self.button.description = False, "learn"
+
+    def _learn(self) -> None:
+        if self._clip is None:
+            raise MotionKitError("no clip was given yet: choose a BVH file first")
+        self.learned = self._method.learn(self._clip, self.controls["prompt"].value, title="")
+        self._tell("said", f"learned {self.learned.style!r} from {self._clip.name!r}, {self._clip.duration:.1f} s")
+        self._play()
+
+    def _read(self) -> None:
+        """Take the file that was chosen."""
+        for file in self.controls["file"].value:
+            try:
+                self._clip = bvh.parse(bytes(file["content"]), file["name"])
+                self._tell("said", f"{self._clip.name}: {self._clip.duration:.1f} s; now say what it does, and how")
+            except MotionKitError as error:
+                self._tell("error", str(error))
+
+    def _play(self) -> None:
+        plain, captions, style = self.chosen, self.captions, self.learned
+        several = len(plain) > 1
+        layout = "treadmill" if several else "side"
+        if style is None:
+            self.player.set_motions(plain, labels=self._names, roles=["content"] * len(plain), layout=layout)
+            return
+        strength = self.controls["strength"].value
+        try:
+            made = [self._method.stylize(one, style, strength, caption=text) for one, text in zip(plain, captions)]
+        except MotionKitError as error:
+            self._tell("error", str(error))
+            return
+        self.results = made
+        shown, names, roles = [*plain, *made], ["content", style.style], ["content", "result"]
+        if several:
+            shown, names, roles = made, self._names, ["result"] * len(made)
+        self.player.set_motions(shown, labels=names, roles=roles, layout=layout)
+
+    def _tell(self, kind: str, text: str) -> None:
+        self._kind, self.message = kind, text
+        said = html.escape(text)
+        self._text.value = f'<div style="color: {_TINTS[kind]}; line-height: 1.35; padding-top: 6px">{said}</div>'
+
+    def still(self) -> bytes:
+        """Content, result and message, as the bytes of a PNG."""
+        made, plain = self.results, self.chosen
+        plain = [] if len(made) > 1 else plain
+        rows, roles = [*plain, *made], ["content"] * len(plain) + ["result"] * len(made)
+        picture, raw = Print(figsize=(8.6, 1.0 + 1.7 * len(rows)), dpi=100), io.BytesIO()
+        labels = ["content", self.learned.style] if len(made) == 1 else self._names
+        strip(rows, poses=9, labels=labels, roles=roles, ax=picture.add_axes((0, 0.12, 1, 0.85)))
+        told = self.message if len(self.message) < 130 else f"{self.message[:127]}..."
+        colour = INK if self._kind == "said" else _TINTS["error"]
+        picture.text(0.025, 0.05, told, fontsize=8.5, color=colour, va="center")
+        picture.savefig(raw, format="png", facecolor="white")
+        return few_colours(raw)
+
+
+def _controls(captions: list[str], prompt: str) -> dict[str, ipywidgets.Widget]:
+    wide = {"layout": {"width": "300px"}}
+    return {
+        "file": ipywidgets.FileUpload(accept=".bvh", description="a BVH file", layout={"width": "200px"}),
+        "prompt": ipywidgets.Text(value=prompt, placeholder="a person walks like a king", **wide),
+        "content": ipywidgets.Dropdown(options=[*captions, *[ALL][: len(captions) > 1]], description="play", **wide),
+        "strength": ipywidgets.SelectionSlider(
+            options=_STRENGTHS, value=1.0, description="strength", continuous_update=False, **wide
+        ),
+    }

@@ -1,0 +1,257 @@
+"""Pictures of meaning: how near sentences are to one another, and motions to sentences."""
+
+from __future__ import annotations
+
+import html
+import io
+import warnings
+from collections.abc import Sequence
+
+import ipywidgets
+from torch import Tensor
+
+from ..errors import MotionKitError
+from ..files import MotionKitWarning
+from ..methods.text_to_motion import SCALE
+from ..motion import Motion
+from ..text import similarity
+from ..viewer.figure import Pictured
+from ..viewer.player import Player
+from ..viewer.plots import INK, SOFT, Print, few_colours, strip
+
+_WRITTEN = 14  # rows and columns up to which numbers are written into the cells
+
+
+def plot_similarity(
+    near: Tensor,
+    rows: Sequence[str],
+    columns: Sequence[str] | None = None,
+    *,
+    title: str = "",
+    marks: Sequence[tuple[int, int]] = (),
+) -> Print:
+    """A table of cosines as shades: white for 0 and below, dark blue for 1.
+
+    near: [N, M], as `mk.text.similarity` gives. rows, columns: N and M texts; columns are the rows if left out. marks:
+    cells (row, column) with a frame around them, such as the right answers. Small tables have their numbers in them.
+    Returns the matplotlib Figure. Raises MotionKitError where there are not as many texts as rows or columns.
+
+    >>> import torch
+    >>> picture = plot_similarity(torch.eye(2), ["a person walks", "a person kicks"])
+    >>> [text.get_text() for text in picture.axes[0].texts]
+    ['1.00', '0.00', '0.00', '1.00']
+    """
+    columns = rows if columns is None else columns
+    if near.ndim != 2 or tuple(near.shape) != (len(rows), len(columns)):
+        raise MotionKitError(
+            f"plot_similarity: expected a table [{len(rows)}, {len(columns)}], a text for each row and column; found "
+            f"{list(near.shape)}"
+        )
+    small = max(near.shape) <= _WRITTEN
+    picture = Print(figsize=_size(rows, columns, small), dpi=105, layout="constrained")
+    ax = picture.add_subplot()
+    ax.imshow(near.detach().cpu().numpy(), cmap="Blues", vmin=0, vmax=1, aspect="auto")
+    _name(ax, rows, columns, small)
+    ax.set_title(title, fontsize=10, color=SOFT, loc="left")
+    if small:
+        _write(ax, near)
+    for row, column in marks:
+        ax.add_patch(_frame(row, column))
+    return picture
+
+
+def _size(rows: Sequence[str], columns: Sequence[str], small: bool) -> tuple[float, float]:
+    """Of the picture, inches: room for the cells, and for the longest texts beside and under them."""
+    cell, beside, under = (0.46, 0.085, 0.05) if small else (0.2, 0.065, 0.065)
+    wide = cell * len(columns) + beside * max(map(len, rows)) + 0.4
+    return wide, 0.85 * cell * len(rows) + under * max(map(len, columns)) + 0.5
+
+
+def _name(ax: object, rows: Sequence[str], columns: Sequence[str], small: bool) -> None:
+    slant = {"rotation": 35 if small else 90, "ha": "right", "va": "top" if small else "center"}
+    letters = {"fontsize": 8.5 if small else 6.5, "color": INK}
+    ax.set_yticks(range(len(rows)), rows, **letters)
+    ax.set_xticks(range(len(columns)), columns, rotation_mode="anchor", **slant, **letters)
+    ax.tick_params(length=0)
+    ax.spines[:].set_visible(False)
+
+
+def _write(ax: object, near: Tensor) -> None:
+    for row, values in enumerate(near.tolist()):
+        for column, value in enumerate(values):
+            ink = "white" if value > 0.6 else INK
+            ax.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=8, color=ink)
+
+
+def _frame(row: int, column: int) -> object:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, edgecolor="#d3622b", linewidth=1.2)
+
+
+PROMPT = "a person walks in depression"
+# kind of message: its colour, on white and on the page
+_TINTS = {"said": SOFT, "warning": "#9a6200", "error": "#b3261e"}
+
+
+class PromptBox(Pictured, ipywidgets.HBox):
+    """A sentence on the left, and on the right a player with the motion that a prior makes of it.
+
+    Press Enter and the player follows, and so it does at every move of a slider; "another" asks the same again from
+    other noise. Under the controls stands which known sentence is nearest, and how near (cosine). What is wrong with a
+    sentence is told there too: an empty one makes nothing and the motion before stays, one far from all that is known
+    is performed with a warning.
+
+    prior: a `text_to_motion.Prior`, or anything with its `generate`, `longest`, `fps`, `guided`, `encoder`, `known` and
+    `known_embeddings`. seconds: of the motion, at most what the prior learned from; 4, or that, if left out. scale: of
+    guidance; `text_to_motion.SCALE` if left out, where it can be guided. steps: of the sampler. seed: of the noise.
+    Raises MotionKitError if the first sentence, or a number, will not do. Source: paper 1, section 3.3, with a box
+    around it.
+
+    controls: "prompt", "seconds", "scale" and "seed", name to widget; set their values and the box follows. `motion` is
+    what is shown, `message` what stands under the controls.
+
+    >>> import motionkit as mk
+    >>> box = PromptBox(mk.methods.text_to_motion.load("actor"), "a person waves", seconds=2)
+    >>> box.controls["prompt"].value = "an old person walks"
+    >>> box.motion
+    Motion('an old person walks', 60 frames at 30 fps, 2.0 s, 22 joints)
+    >>> box.controls["prompt"].value = " "
+    >>> box.message, box.motion.name
+    ("the prompt is empty; say what someone does, such as 'a person walks'; found ' '", 'an old person walks')
+    """
+
+    about = "a prompt box"
+
+    def __init__(
+        self,
+        prior: object,
+        prompt: str = PROMPT,
+        *,
+        seconds: float | None = None,
+        scale: float | None = None,
+        steps: int = 20,
+        seed: int = 0,
+    ) -> None:
+        _check_prior(prior)
+        self._prior, self._steps, self.message, self._kind = prior, steps, "", "said"
+        scale = (SCALE if prior.guided else 1.0) if scale is None else scale
+        seconds = min(4.0, prior.longest / prior.fps) if seconds is None else seconds
+        self._near = _nearest(prior, prompt)
+        self.motion, told = _answer(prior, prompt, seconds=seconds, scale=scale, steps=steps, seed=seed)
+        self.controls = _controls(prior, prompt, seconds, scale, seed)
+        self.player = Player(self.motion, height=360)
+        self._text = ipywidgets.HTML(layout={"width": "290px"})
+        self._go = _button("move", "Make a motion of this sentence", "primary")
+        self._more = _button("another", "The same sentence from other noise", "")
+        left = [
+            self.controls["prompt"],
+            ipywidgets.HBox([self._go, self._more]),
+            *(self.controls[name] for name in ("seconds", "scale", "seed")),
+            self._text,
+        ]
+        column = ipywidgets.VBox(left, layout={"width": "310px", "padding": "4px 8px 0 0"})
+        show = ipywidgets.Box([self.player], layout={"flex": "1 1 360px", "min_width": "300px", "display": "block"})
+        super().__init__([column, show], layout={"flex_flow": "row wrap"})
+        self._tell(*told)
+        self._asked = self.values()
+        for control in self.controls.values():
+            control.observe(lambda _: self._follow(), "value")
+        self._go.on_click(lambda _: self._follow())
+        self._more.on_click(lambda _: self._another())
+
+    def values(self) -> dict:
+        """The controls' values by name."""
+        return {name: control.value for name, control in self.controls.items()}
+
+    def _another(self) -> None:
+        seed = self.controls["seed"]
+        seed.value = seed.value + 1 if seed.value < seed.max else seed.min
+
+    def _follow(self) -> None:
+        """Make a motion of what the controls say, unless that is what is shown."""
+        asked = self.values()
+        if asked == self._asked:
+            return
+        self._asked = asked
+        self._go.disabled = self._more.disabled = True
+        self._go.description = "moving ..."
+        try:
+            prompt = asked.pop("prompt")
+            near = _nearest(self._prior, prompt)
+            motion, told = _answer(self._prior, prompt, steps=self._steps, **asked)
+            self.player.set_motions(motion)
+            self.motion, self._near = motion, near
+            self._tell(*told)
+        except MotionKitError as error:
+            self._tell("error", str(error))
+        finally:
+            self._asked = self.values()
+            self._go.description, self._go.disabled, self._more.disabled = "move", False, False
+
+    def _tell(self, kind: str, text: str) -> None:
+        self._kind, self.message = kind, text or self._near
+        said = html.escape(self.message)
+        self._text.value = f'<div style="color: {_TINTS[kind]}; line-height: 1.35; padding-top: 6px">{said}</div>'
+
+    def still(self) -> bytes:
+        """The sentence, poses of the motion made of it, and the message, as the bytes of a PNG."""
+        picture, raw = Print(figsize=(8.6, 3.0), dpi=100), io.BytesIO()
+        box = {"boxstyle": "round,pad=0.45", "facecolor": "white", "edgecolor": "#9aa5b1"}
+        picture.text(0.035, 0.9, self.motion.name, fontsize=12, color=INK, va="center", bbox=box)
+        strip(self.motion, poses=9, ax=picture.add_axes((0, 0.1, 1, 0.72)))
+        told = self.message if len(self.message) < 130 else f"{self.message[:127]}..."
+        picture.text(0.025, 0.05, told, fontsize=8.5, color=_TINTS[self._kind], va="center")
+        picture.savefig(raw, format="png", facecolor="white")
+        return few_colours(raw)
+
+
+def _check_prior(prior: object) -> None:
+    needed = ("generate", "longest", "fps", "guided", "encoder", "known", "known_embeddings")
+    missing = [name for name in needed if not hasattr(prior, name)]
+    if missing:
+        raise MotionKitError(
+            f"PromptBox: expected a prior, such as mk.methods.text_to_motion.load('actor'); found {prior!r:.60}, which "
+            f"has no {', '.join(missing)}"
+        )
+
+
+def _answer(prior: object, prompt: str, **asked: object) -> tuple[Motion, tuple[str, str]]:
+    """A motion of the sentence, and the kind and text of what has to be said about it."""
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always", MotionKitWarning)
+        motion = prior.generate(prompt, **asked)[0]
+    for other in (one for one in heard if not issubclass(one.category, MotionKitWarning)):
+        warnings.warn_explicit(other.message, other.category, other.filename, other.lineno)
+    told = " ".join(dict.fromkeys(str(one.message) for one in heard if issubclass(one.category, MotionKitWarning)))
+    return motion, ("warning" if told else "said", told)
+
+
+def _nearest(prior: object, prompt: str) -> str:
+    """Which of the sentences that it learned from is nearest, in words; nothing where there is no sentence."""
+    if not isinstance(prompt, str) or not prompt.strip():
+        return ""
+    near = similarity(prior.encoder.encode([prompt]), prior.known_embeddings)[0]
+    best = int(near.argmax())
+    return f"nearest known: {prior.known[best]!r}, similarity {float(near[best]):.2f}"
+
+
+def _button(text: str, about: str, style: str) -> ipywidgets.Button:
+    return ipywidgets.Button(description=text, tooltip=about, button_style=style, layout={"width": "110px"})
+
+
+def _controls(prior: object, prompt: str, seconds: float, scale: float, seed: int) -> dict[str, ipywidgets.Widget]:
+    """The sentence, and three numbers; each tells its new value when it is let go, not while it moves."""
+    wide = {"continuous_update": False, "layout": {"width": "300px"}}
+    longest = prior.longest / prior.fps
+    return {
+        "prompt": ipywidgets.Text(value=prompt, placeholder="say what someone does, and how", **wide),
+        "seconds": ipywidgets.FloatSlider(
+            value=seconds, min=min(0.5, longest), max=longest, step=0.1, description="seconds", **wide
+        ),
+        "scale": ipywidgets.FloatSlider(
+            value=scale, min=1.0, max=max(8.0, scale), step=0.1, description="guidance", disabled=not prior.guided,
+            readout_format=".1f", **wide,
+        ),
+        "seed": ipywidgets.BoundedIntText(value=seed, min=0, max=2**31 - 1, description="seed", **wide),
+    }  # fmt: skip

@@ -1,0 +1,331 @@
+"""What methods of restyling share: a style fitted to the content's body, speed over the ground, standing feet."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from typing import TypeVar
+from weakref import WeakKeyDictionary
+
+import torch
+from torch import Tensor
+
+from .. import rotations as rot
+from ..contacts import foot_contacts, lock_feet, two_bone_ik
+from ..dtw import smoothed
+from ..errors import MotionKitError, motion_inside
+from ..features.canonical import body_frames
+from ..motion import Motion
+from ..retargeting import retarget
+from ..skeleton import Skeleton
+
+_T = TypeVar("_T")
+STRONGEST = 5.0  # how many times all of a style somebody may ask for
+_UNDER = 0.01  # metres: feet that go less deep under the ground are let go
+_SOFT = 0.07  # seconds over which a foot that goes deeper is lifted
+
+
+def check_clips(method: str, content: Motion, style: Motion, strength: float = 1.0) -> None:
+    """Raises MotionKitError unless both are motions of two frames or more, and strength is a finite number.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
+    >>> check_clips("statistics", walk, walk)
+    >>> check_clips("statistics", walk, walk, strength="1")
+    Traceback (most recent call last):
+    ...
+    motionkit.errors.MotionKitError: statistics: strength must be a number ...
+    """
+    if not isinstance(content, Motion):
+        hint = motion_inside(content)
+        raise MotionKitError(f"the content must be a Motion, such as mk.load('walk.bvh'); found {content!r}{hint}")
+    if not isinstance(style, Motion):
+        raise MotionKitError(
+            f"{method} takes its style from a motion: stylize(content, style=mk.load('style.bvh')); found "
+            f"{style!r}{motion_inside(style)}"
+        )
+    for what, motion in (("content", content), ("style", style)):
+        if len(motion) < 2:
+            raise MotionKitError(f"the {what} clip {motion.name!r} has {len(motion)} frames; two are the least")
+    check_share(f"{method}: strength", strength)
+
+
+def check_share(what: str, share: object) -> None:
+    """Raises MotionKitError unless it is a number that can say how much of a style is wanted.
+
+    >>> check_share("strength", 1.5)
+    >>> check_share("strength", 50)
+    Traceback (most recent call last):
+    ...
+    motionkit.errors.MotionKitError: strength must be a number from -5 to 5, 1 for all of the style; found 50
+    """
+    if isinstance(share, bool) or not isinstance(share, int | float) or not abs(share) <= STRONGEST:
+        bounds = f"from -{STRONGEST:g} to {STRONGEST:g}"
+        raise MotionKitError(f"{what} must be a number {bounds}, 1 for all of the style; found {share!r}")
+
+
+_BODIES: WeakKeyDictionary[Skeleton, Skeleton] = WeakKeyDictionary()
+
+
+def body_of(motion: Motion) -> Motion:
+    """`Motion.body`, with one skeleton object for all motions that share theirs: what it knows is worked out once.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
+    >>> body_of(walk) is walk
+    True
+    """
+    body = motion.body()
+    return body if body is motion else body.replace(skeleton=_BODIES.setdefault(motion.skeleton, body.skeleton))
+
+
+def same_rest(a: Skeleton, b: Skeleton) -> bool:
+    """Whether two skeletons have one tree, and bones at rest that point the same ways: a pose means the same on both.
+
+    Bone lengths may differ. What stands above the pelvis does not count.
+
+    >>> from motionkit.skeleton import smpl
+    >>> same_rest(smpl(), smpl(height=1.2, broad=0.1)), same_rest(smpl(), smpl().part([0, 1, 4]))
+    (True, False)
+    """
+    if a is b or not a.same_tree(b):
+        return a is b
+    bones = a.below(a.pelvis)[1:]
+    u, v = (rot.normalize(s.offsets[bones].double()) for s in (a, b))
+    return not bones or float((u - v).norm(dim=-1).max()) < 0.15  # a broader body's bones lean a little more
+
+
+def fitting(motion: Motion, like: Motion) -> Motion:
+    """A motion on a skeleton where poses mean what they mean for `like`: as it is if they do, else retargeted.
+
+    Raises MotionKitError where the one body cannot do what the other does (`mk.retarget`).
+
+    >>> import motionkit as mk
+    >>> walk, old = (mk.load(f"data/actor/walk_{s}.bvh") for s in ("neutral", "old"))
+    >>> fitting(old, walk) is old
+    True
+    """
+    return motion if same_rest(motion.skeleton, like.skeleton) else retarget(motion, like)
+
+
+def on_body(motion: Motion, like: Motion) -> Motion:
+    """A motion on the very skeleton of another: as it is if it stands on it, else retargeted, bone lengths and all.
+
+    >>> import motionkit as mk
+    >>> walk, old = (mk.load(f"data/actor/walk_{s}.bvh") for s in ("neutral", "old"))
+    >>> on_body(old, walk).skeleton is walk.skeleton
+    True
+    """
+    a, b = motion.skeleton, like.skeleton
+    if a is b or (a.same_tree(b) and float((a.offsets - b.offsets).abs().max()) < 1e-5):
+        return motion.replace(skeleton=b)
+    try:
+        return retarget(motion, like)
+    except MotionKitError:
+        if not same_rest(a, b):
+            raise
+    scale = b.height / max(a.height, 1e-6)  # a creature's joints are not those of a person, but these two share theirs
+    return Motion.from_root(b, motion.rotations, motion.translations[:, 0] * scale, motion.fps, name=motion.name)
+
+
+def velocity_factor(motion: Motion) -> float:
+    """How lively a clip is (paper 1, eq. 13): the fastest joint's speed relative to the root, averaged over time, m/s.
+
+    >>> import motionkit as mk
+    >>> velocity_factor(mk.load("data/actor/walk_old.bvh")) < velocity_factor(mk.load("data/actor/walk_neutral.bvh"))
+    True
+    """
+    seen = body_frames(motion).local
+    local = seen - seen[:, motion.skeleton.pelvis, None]
+    if len(local) < 2:
+        return 0.0
+    speed = torch.linalg.vector_norm(local[1:] - local[:-1], dim=-1) * motion.fps
+    return float(speed.amax(1).mean())
+
+
+def liveliness(motion: Motion) -> float:
+    """`velocity_factor` per metre of the character's height, so that tall and short ones compare; above 0.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
+    >>> liveliness(walk) * walk.skeleton.height == velocity_factor(walk)
+    True
+    """
+    return max(velocity_factor(motion) / max(motion.skeleton.height, 1e-6), 1e-6)
+
+
+def warp_velocity(features: Tensor, factor: float) -> Tensor:
+    """Scale the root's speed over the ground in `FacingFree` features [F, D] by U_style / U_content (paper 1, eq. 13).
+
+    >>> warp_velocity(torch.tensor([[0.1, 0.02, 0.04, 0.9]]), 0.5)
+    tensor([[0.1000, 0.0100, 0.0200, 0.9000]])
+    """
+    features = features.clone()
+    features[:, 1:3] *= factor
+    return features
+
+
+def scale_path(motion: Motion, factor: float) -> Motion:
+    """A motion without helper joints that goes `factor` times as far over the ground, from where it starts.
+
+    It is `warp_velocity` without the way through features.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
+    >>> scale_path(walk, 0.5).root_path()[-1] - walk.root_path().lerp(walk.root_path()[:1], 0.5)[-1]
+    tensor([0., 0.])
+    """
+    translations = motion.translations.clone()
+    path = translations[:, 0, [0, 2]]
+    translations[:, 0, [0, 2]] = path[:1] + factor * (path - path[:1])
+    return motion.replace(translations=translations)
+
+
+def in_step(body: Motion, content: Motion) -> Motion:
+    """A restyled body whose speed over the ground goes with its own movements (paper 1, eq. 13, see `velocity_factor`).
+
+    The paper's factor is that of the style clip over the content's. It speaks of what is done in the style clip: one
+    who waits angrily would make a walk stop. Here it is that of the content's own poses after and before restyling.
+    body, content: F frames each on one skeleton, without helper joints.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
+    >>> bool((in_step(walk, walk).positions() - walk.positions()).abs().max() < 1e-5)
+    True
+    """
+    return scale_path(body, pace(body, content))
+
+
+def pace(body: Motion, content: Motion) -> float:
+    """The factor of `in_step`, within bounds.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
+    >>> pace(walk, walk)
+    1.0
+    """
+    return within(velocity_factor(body) / max(velocity_factor(content), 1e-6))
+
+
+def within(factor: float, most: float = 3.0) -> float:
+    """A factor of speed, no more than `most` and no less than its inverse: a body that waits hardly moves at all.
+
+    >>> within(0.6), within(80.0)
+    (0.6, 3.0)
+    """
+    return min(max(factor, 1 / most), most)
+
+
+def placed(body: Motion, content: Motion) -> Motion:
+    """A motion turned and moved so that it starts where another one starts, facing the same way.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
+    >>> gap = placed(walk.moved(1.0, (2.0, 0.0, 3.0)), walk).positions() - walk.positions()
+    >>> bool(gap.abs().max() < 1e-4)
+    True
+    """
+    start, there = content[:1], body[:1]
+    turned = body.moved(start.facing()[0] - there.facing()[0])
+    shift = start.root_path()[0] - turned[:1].root_path()[0]
+    return turned.moved(offset=(float(shift[0]), 0.0, float(shift[1])))
+
+
+def on_the_ground(body: Motion, content: Motion) -> Motion:
+    """Standing feet held still, at the height that the content's have, when those stand; no foot under the ground.
+
+    body, content: F frames each on one skeleton. A body without feet is returned as it is.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
+    >>> float(on_the_ground(walk.moved(offset=(0, 0.1, 0)), walk).positions()[..., 1].min()) < 0.02
+    True
+    """
+    try:
+        feet = list(body.skeleton.feet())
+    except MotionKitError:
+        return body
+    stands = foot_contacts(content)
+    tips = [n for n, j in enumerate(feet) if not set(body.skeleton.below(j)[1:]) & set(feet)]  # toes, not ankles
+    higher = (content.positions() - body.positions())[:, [feet[n] for n in tips], 1]
+    translations = body.translations.clone()
+    translations[:, 0, 1] += (higher[stands[:, tips]] if stands[:, tips].any() else higher).median()
+    return _above_ground(lock_feet(body.replace(translations=translations), stands), content, feet)
+
+
+def _above_ground(body: Motion, content: Motion, feet: list[int]) -> Motion:
+    """Legs bent where a foot joint would be deeper than it ever is in the content: in swing, nobody has held it."""
+    floor = content.positions()[:, feet, 1].amin(0)
+    for side in ("left", "right"):
+        leg = tuple(body.skeleton.roles.get(f"{side}_{r}", -1) for r in ("hip", "knee", "ankle"))
+        if min(leg) < 0 or [body.skeleton.parents[j] for j in leg[1:]] != list(leg[:2]):
+            continue
+        mine = [n for n, j in enumerate(feet) if leg[2] in body.skeleton.chain(j)]
+        places = body.positions()
+        under = (floor[mine] - places[:, [feet[n] for n in mine], 1]).amax(1).clamp(min=0)
+        if under.max() > _UNDER:
+            around = max(1, round(_SOFT * body.fps))
+            most = torch.nn.functional.max_pool1d(under[None, None], 2 * around + 1, 1, around)[0, 0]
+            up = torch.stack(
+                (torch.zeros_like(most), smoothed(most[:, None], around)[:, 0], torch.zeros_like(most)), -1
+            )
+            body = two_bone_ik(body, leg, places[:, leg[2]] + up)
+    return body
+
+
+def named(content: Motion, style: Motion | str) -> str:
+    """What a result is called.
+
+    >>> import motionkit as mk
+    >>> named(mk.load("data/actor/walk_neutral.bvh"), "old")
+    'walk_neutral as old'
+    """
+    return f"{content.name} as {getattr(style, 'name', style)}"
+
+
+def key_of(motion: Motion) -> bytes:
+    """The same for motions that are the same to the last bit, and for no others: what caches go by.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
+    >>> key_of(walk) == key_of(mk.load("data/actor/walk_neutral.bvh")), key_of(walk) == key_of(walk[1:])
+    (True, False)
+    """
+    found = hashlib.blake2b(f"{motion.fps} {motion.skeleton.names} {motion.skeleton.parents}".encode(), digest_size=16)
+    for numbers in (motion.rotations, motion.translations, motion.skeleton.offsets):
+        found.update(numbers.detach().cpu().contiguous().numpy())
+    return found.digest()
+
+
+def rest_key(skeleton: Skeleton) -> tuple:
+    """The same for skeletons of one tree with the same bones at rest, to a tenth of a millimetre.
+
+    >>> from motionkit.skeleton import smpl
+    >>> rest_key(smpl()) == rest_key(smpl()), rest_key(smpl()) == rest_key(smpl(height=1.6))
+    (True, False)
+    """
+    bones = (skeleton.offsets.double() * 1e4).round().long().flatten().tolist()
+    return skeleton.names, skeleton.parents, tuple(bones)
+
+
+class Memory:
+    """Keeps what was worked out, the `most` latest of it.
+
+    >>> memory = Memory(most=2)
+    >>> [memory.get(n, lambda: print("worked out") or n) for n in (1, 1)]
+    worked out
+    [1, 1]
+    """
+
+    def __init__(self, most: int = 512) -> None:
+        self.most, self._kept = most, OrderedDict()
+
+    def get(self, key: Hashable, make: Callable[[], _T]) -> _T:
+        """What is kept under the key, or else what `make` gives, which is then kept."""
+        if key not in self._kept:
+            self._kept[key] = make()
+            while len(self._kept) > self.most:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(key)
+        return self._kept[key]

@@ -1,0 +1,412 @@
+"""The two ends of every table: the content as it is, with none of the style, and the style clip, with all of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from .. import rotations as rot
+from ..datasets import Dataset
+from ..dtw import movement, smoothed
+from ..errors import MotionKitError, motion_inside
+from ..features import FacingFree
+from ..motion import Motion
+from .base import (
+    Memory,
+    body_of,
+    check_clips,
+    fitting,
+    in_step,
+    key_of,
+    liveliness,
+    named,
+    on_body,
+    on_the_ground,
+    placed,
+    rest_key,
+    same_rest,
+    warp_velocity,
+    within,
+)
+from .neutral_pairs import NEUTRAL, ByLabels, NeutralPairs, Pair, add_difference
+
+
+class CopyContent:
+    """Returns the content: nothing of it is lost, and no style is there. Any method should beat it in style.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
+    >>> mk.methods.load("copy-content").stylize(walk, style="old")
+    Motion('walk_neutral as old', 120 frames at 30 fps, 4.0 s, 22 joints)
+    """
+
+    name = "copy-content"
+
+    def stylize(self, content: Motion, style: object) -> Motion:
+        """The content clip under a new name. style: anything, it is not looked at. MotionKitError for no Motion."""
+        if not isinstance(content, Motion):
+            hint = motion_inside(content)
+            raise MotionKitError(f"the content must be a Motion, such as mk.load('walk.bvh'); found {content!r}{hint}")
+        return content.replace(name=named(content, style))
+
+
+class CopyStyle:
+    """Returns the style clip, on the content's skeleton: all of the style, and what is done is the style clip's.
+
+    Any method should beat it in content.
+
+    >>> import motionkit as mk
+    >>> walk, old = (mk.load(f"data/actor/walk_{s}.bvh") for s in ("neutral", "old"))
+    >>> mk.methods.load("copy-style").stylize(walk, style=old)
+    Motion('walk_neutral as walk_old', 161 frames at 30 fps, 5.4 s, 22 joints)
+    """
+
+    name = "copy-style"
+
+    def stylize(self, content: Motion, style: Motion) -> Motion:
+        """The style clip with as many frames as it has itself, at the content's rate and on its skeleton.
+
+        It starts where the content starts, facing the same way. Raises MotionKitError for what is no Motion, or a body
+        that cannot do what the style's does.
+        """
+        check_clips(self.name, content, style)
+        body = body_of(content)
+        copied = placed(on_body(body_of(style.resample(content.fps)), body), body)
+        around = content.at(torch.arange(len(copied)))  # helper joints above the pelvis, as the content has them
+        return around.with_body(copied).replace(name=named(content, style))
+
+
+def match_statistics(content: Tensor, style: Tensor, most: float = 3.0) -> Tensor:
+    """Content features [F, D] shifted and scaled to the mean and spread of style features [G, D], number by number.
+
+    most: no spread grows more than so many times, since numbers that hardly move in the content only hold noise.
+    This is AdaIN (Huang and Belongie 2017, eq. 8) on poses instead of network features.
+
+    >>> match_statistics(torch.tensor([[0.0], [2.0]]), torch.tensor([[4.0], [8.0]]))
+    tensor([[4.],
+            [8.]])
+    """
+    spread, wanted = content.std(0, correction=0), style.std(0, correction=0)
+    gain = (wanted / spread.clamp(min=1e-6)).clamp(max=most)
+    return (content - content.mean(0)) * gain + style.mean(0)
+
+
+class Statistics:
+    """Statistics transfer: match mean and spread per feature, warp the speed (paper 1, eq. 13), lock the feet.
+
+    It needs no training and one style clip. The features are paper 1's (`FacingFree`); a style on another rig is
+    retargeted to the content's first. It carries postures well; timing, and whatever the style does in another order
+    than the content, it cannot.
+
+    >>> import motionkit as mk
+    >>> walk, style = mk.load("data/actor/walk_neutral.bvh"), mk.load("data/actor/walk_old.bvh")
+    >>> old = mk.methods.load("statistics").stylize(walk, style=style)
+    >>> len(old), old.name
+    (120, 'walk_neutral as walk_old')
+    """
+
+    name = "statistics"
+
+    def __init__(self) -> None:
+        self._fitted = Memory(32)
+
+    def stylize(self, content: Motion, style: Motion, strength: float = 1.0, lock: bool = True) -> Motion:
+        """The content clip in the manner of the style clip.
+
+        content: F frames. style: a Motion of any length, frame rate and skeleton that can be retargeted to the
+        content's. strength: 0 keeps the content, 1 takes all of the style's statistics, more exaggerates. lock: hold
+        standing feet still. Returns F frames at the content's rate, on its skeleton, starting where it starts. Raises
+        MotionKitError if the style is no Motion, a clip is too short, strength is no number, or the style's body cannot
+        be brought to the content's.
+        """
+        check_clips(self.name, content, style, strength)
+        if strength == 0:
+            return content.replace(name=named(content, style))
+        given, layout = body_of(content), FacingFree(fps=content.fps)
+        x = layout.encode(given)
+        wanted, style_liveliness = self._style(style, given)
+        y = torch.lerp(x, match_statistics(x, wanted), strength)
+        y[:, :3] = x[:, :3]  # the path is the content's; only its speed is warped
+        factor = 1 + strength * (within(style_liveliness / liveliness(given)) - 1)
+        place = given.translations[0, 0] * torch.tensor([1.0, 0.0, 1.0])
+        body = layout.decode(warp_velocity(y, factor)).moved(given[:1].facing()[0], place)
+        if lock:
+            body = on_the_ground(body, given)
+        return content.with_body(body).replace(name=named(content, style))
+
+    def _style(self, style: Motion, content: Motion) -> tuple[Tensor, float]:
+        """The style's features [G, D] on the content's kind of body, and how lively it is."""
+
+        def work_out() -> tuple[Tensor, float]:
+            fitted = fitting(body_of(style.resample(content.fps)), content)
+            return FacingFree(fitted.skeleton, content.fps).encode(fitted), liveliness(fitted)
+
+        return self._fitted.get((key_of(style), content.fps, rest_key(content.skeleton)), work_out)
+
+
+_NEAR = 0.3  # frames less unlike than this, in the unit of `movement`, count as the same
+_CARRY_EASE = 0.07  # seconds: standard deviation of the Gaussian over differences that are carried over
+
+
+class KnnDtw(ByLabels):
+    """KNN + DTW style transfer (paper 1, section 6.2, tables 2 and 3): pairs from a library, no training.
+
+    The style clip's pair is the nearest segment of a neutral clip of the same content, aligned by dynamic time warping.
+    In each frame of the content, the result is the content plus the pair's difference in those frames whose neutral
+    pose and speed are most like the content's; so a kick can be as old as the walk it is taken from. A content that is
+    styled itself is made neutral in the same way first. The content's timing stays; the root's speed goes with the
+    size of the movements (`base.in_step`, after paper 1, eq. 13). library: a labelled Dataset; left out, `actor`'s
+    training part.
+
+    >>> import motionkit as mk
+    >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
+    >>> walk, style = mk.load("data/actor/walk_neutral.bvh"), mk.load("data/actor/walk_old.bvh")
+    >>> jump = Item("jump", Labels("jump", "neutral", ()), BvhSource.at("data/actor/jump_neutral.bvh"))
+    >>> step = Item("walk", Labels("walk", "neutral", ()), BvhSource.at("data/actor/walk_neutral.bvh"))
+    >>> method = mk.methods.load("knn-dtw", library=of_items("mine", [jump, step]))
+    >>> method.stylize(walk, style=style, style_content="walk")
+    Motion('walk_neutral as walk_old', 120 frames at 30 fps, 4.0 s, 22 joints)
+    """
+
+    name = "knn-dtw"
+
+    def __init__(self, library: Dataset | None = None) -> None:
+        self.pairs = NeutralPairs(library)
+
+    def fit(self, train: Dataset) -> KnnDtw:
+        """Take pairs from this dataset from now on; its clips are read when they are first needed."""
+        self.pairs = NeutralPairs(train)
+        return self
+
+    def neutral_pair(self, style: Motion, content: str | None = None) -> Motion:
+        """The neutral motion that goes with a styled one, frame by frame, on its skeleton (paper 1, table 2).
+
+        content: what the clip does, a label of the library; left out, neutral clips of all contents are searched.
+        """
+        check_clips(self.name, style, style)
+        return self.pairs.neutral_of(style, content)
+
+    def stylize(
+        self,
+        content: Motion,
+        style: Motion,
+        strength: float = 1.0,
+        lock: bool = True,
+        *,
+        content_label: str | None = None,
+        content_style: str | None = None,
+        style_content: str | None = None,
+        style_label: str | None = None,
+    ) -> Motion:
+        """The content clip in the manner of the style clip.
+
+        content: F frames. style: a Motion of any length, frame rate and skeleton that can be retargeted to the
+        content's. strength: 0 keeps the content, 1 is the style, more exaggerates. lock: hold standing feet still.
+        content_label, style_content: what is done in each clip, labels of the library; left out, the nearest clip over
+        all contents is taken. content_style: the content's own style; left out, it counts as neutral. style_label: the
+        style's; where it is neutral, the content is only made neutral. Returns F frames at the content's rate, on its
+        skeleton, starting where it starts. Raises MotionKitError for arguments that are none of these.
+        """
+        check_clips(self.name, content, style, strength)
+        if strength == 0:
+            return content.replace(name=named(content, style))
+        given = body_of(content)
+        body = given
+        if content_style is not None and content_style not in NEUTRAL:
+            own = self.pairs.pair(content, content_label, given)
+            body = add_difference(body, -strength * carried(body, own.looks[0], own.difference))
+        if style_label not in NEUTRAL:
+            pair = self.pairs.pair(style.resample(content.fps), style_content, given)
+            body = add_difference(body, strength * carried(body, pair.looks[1], pair.difference))
+        body = in_step(body, given)
+        if lock:
+            body = on_the_ground(body, given)
+        return content.with_body(body).replace(name=named(content, style))
+
+
+def carried(motion: Motion, known: Tensor, differences: Tensor) -> Tensor:
+    """For each frame of a motion the differences of those of another's frames that are most like it, [F, D].
+
+    known: `movement` of the other, [G, 6J], not centred. differences: [G, D], one for each of its frames. Frames count
+    by a Gaussian of how unlike they are, which is as wide as the nearest one is far: where nothing is near, it becomes
+    their mean. Eased over neighbouring frames.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
+    >>> carried(walk[:50], movement(walk, centred=False), torch.ones(120, 1)).mean()
+    tensor(1.)
+    """
+    unlike = torch.cdist(movement(motion, centred=False), known)
+    width = unlike.amin(1, keepdim=True).clamp(min=_NEAR)
+    weights = torch.softmax(-0.5 * (unlike / width) ** 2, 1)
+    return smoothed(weights @ differences, _CARRY_EASE * motion.fps)
+
+
+_TAPS = (-1 / 3, -1 / 6, 0.0, 1 / 6, 1 / 3)  # seconds from the frame that is predicted
+_MEAN = 1500  # so many frames weigh for the mean difference alone: one clip's poses say little about others
+_PREDICT_EASE = 0.03  # seconds: standard deviation of the Gaussian over what is predicted
+
+
+@dataclass(frozen=True, eq=False)
+class Filter:
+    """A linear time-invariant filter from poses to what is to be added to them.
+
+    mean: [P] of the poses; axes: [P, K] their principal directions; weights: [5K, D] over five moments around each
+    frame; bias: [D].
+    """
+
+    mean: Tensor
+    axes: Tensor
+    weights: Tensor
+    bias: Tensor
+
+    @classmethod
+    def learned(cls, pairs: list[Pair], back: bool, dims: int, ridge: float) -> Filter:
+        """By ridge regression from aligned pairs; back: from styled to neutral.
+
+        ridge: the penalty on weights, as a share of the variance of what goes in. The bias has none, so with an
+        infinite penalty the mean difference is added.
+        """
+        poses = [_poses(p.styled if back else p.neutral) for p in pairs]
+        changes = torch.cat([-p.difference if back else p.difference for p in pairs])
+        together = torch.cat(poses)
+        mean = together.mean(0)
+        axes = torch.linalg.eigh((together - mean).T @ (together - mean))[1].flip(1)[:, :dims]
+        moments = [_moments((x - mean) @ axes, p.styled.fps) for x, p in zip(poses, pairs)]
+        x, bias = torch.cat(moments).double(), changes.mean(0)
+        penalty = ridge * (len(x) + _MEAN) * float((x**2).mean()) + 1e-9
+        gram = x.T @ x + penalty * torch.eye(x.shape[1], dtype=x.dtype)
+        weights = torch.linalg.solve(gram, x.T @ (changes - bias).double()).float()
+        return cls(mean, axes, weights, bias)
+
+    def apply(self, motion: Motion, strength: float) -> Motion:
+        """The motion with what the filter predicts added to its poses."""
+        change = _moments((_poses(motion) - self.mean) @ self.axes, motion.fps) @ self.weights + self.bias
+        return add_difference(motion, strength * smoothed(change, _PREDICT_EASE * motion.fps))
+
+
+def _poses(motion: Motion) -> Tensor:
+    """Poses [F, 6J + 1]: 6D rotations, the pelvis' seen from where the body faces, and its height in the body's own."""
+    turned = motion.rotations.clone()
+    turned[:, 0] = rot.quaternion_multiply(rot.yaw_to_quaternion(-motion.facing()), turned[:, 0])
+    height = motion.translations[:, 0, 1:2] / max(motion.skeleton.height, 1e-6)
+    return torch.cat((rot.quaternion_to_sixd(turned).flatten(1), height), 1)
+
+
+def _moments(x: Tensor, fps: float) -> Tensor:
+    """For each frame of [F, K] those around it, at `_TAPS`: [F, 5K]; beyond the ends, the end frames stand."""
+    frames = torch.arange(len(x))
+    return torch.cat([x[(frames + round(t * fps)).clamp(0, len(x) - 1)] for t in _TAPS], 1)
+
+
+class Linear(ByLabels):
+    """Linear time-invariant style translation, in the manner of Hsu, Pulli and Popovic 2005.
+
+    Theirs: neutral and styled performances of the same are aligned by time warping, and a linear time-invariant system
+    learned from the pairs turns neutral motion into styled motion; the path and the feet are seen to afterwards. Not
+    theirs: the pairs are found in a library (as for KNN + DTW); one filter serves all actions of a style; it is a
+    finite one over two thirds of a second of principal components, learned by ridge regression, where theirs is a
+    state-space model found by subspace identification (N4SID); it predicts the difference, not the pose; and the
+    content keeps its timing, which theirs translates too.
+
+    library: a labelled Dataset; left out, `actor`'s training part. takes: clips of each content learned from; dims:
+    principal components; ridge: how strongly weights are held small. A filter is learned when a style is first asked
+    for.
+
+    >>> import motionkit as mk
+    >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
+    >>> walk, style = mk.load("data/actor/walk_neutral.bvh"), mk.load("data/actor/walk_old.bvh")
+    >>> step = Item("walk", Labels("walk", "neutral", ()), BvhSource.at("data/actor/walk_neutral.bvh"))
+    >>> mk.methods.load("linear", library=of_items("mine", [step])).stylize(walk, style=style)
+    Motion('walk_neutral as walk_old', 120 frames at 30 fps, 4.0 s, 22 joints)
+    """
+
+    name = "linear"
+
+    def __init__(self, library: Dataset | None = None, takes: int = 3, dims: int = 20, ridge: float = 0.3) -> None:
+        for what, value, least in (("takes", takes, 1), ("dims", dims, 1), ("ridge", ridge, 0)):
+            if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value < float("inf"):
+                raise MotionKitError(f"linear: {what} must be a number from {least} up; found {value!r}")
+        self.takes, self.dims, self.ridge = int(takes), int(dims), float(ridge)
+        self.fit(library)
+
+    def fit(self, train: Dataset | None) -> Linear:
+        """Learn from this dataset from now on; its clips are read when their style is first asked for."""
+        self.pairs, self._filters = NeutralPairs(train), Memory(128)
+        return self
+
+    def stylize(
+        self,
+        content: Motion,
+        style: Motion | str,
+        strength: float = 1.0,
+        lock: bool = True,
+        *,
+        content_label: str | None = None,
+        content_style: str | None = None,
+        style_content: str | None = None,
+        style_label: str | None = None,
+    ) -> Motion:
+        """The content clip in the manner of a style.
+
+        content: F frames. style: a label of the library, or a Motion; with a label or `style_label` that the library
+        has, the filter is learned from its clips, else from the given clip and its pair. strength: 0 keeps the content,
+        1 is the style, more exaggerates. lock: hold standing feet still. content_label, style_content: what is done in
+        each clip, for the search of pairs. content_style: the content's own style; left out, it counts as neutral.
+        Returns F frames at the content's rate, on its skeleton, starting where it starts. Raises MotionKitError for
+        arguments that are none of these.
+        """
+        if isinstance(style, str):
+            style_label = self._known(style)
+        check_clips(self.name, content, content if isinstance(style, str) else style, strength)
+        if strength == 0:
+            return content.replace(name=named(content, style))
+        given = body_of(content)
+        body = given
+        for clip, said, label, back in (
+            (content, content_label, content_style or NEUTRAL[0], True),
+            (style, style_content, style_label, False),
+        ):
+            if label not in NEUTRAL:
+                body = self._filter(clip, said, label, back, given).apply(body, strength)
+        body = in_step(body, given)
+        if lock:
+            body = on_the_ground(body, given)
+        return content.with_body(body).replace(name=named(content, style))
+
+    def _known(self, style: str) -> str:
+        styles = self.pairs.library.styles
+        if style not in styles:
+            raise MotionKitError(
+                f"linear: library {self.pairs.library.name!r} has no style {style!r}; it has {', '.join(styles)}. Or "
+                "give a motion: style=mk.load('style.bvh')"
+            )
+        return style
+
+    def _filter(self, clip: Motion | str, content: str | None, label: str | None, back: bool, body: Motion) -> Filter:
+        """From a label's clips in the library, or from the clip itself where it has none."""
+        if label in self.pairs.library.styles:
+            key = (label, body.skeleton.names, body.skeleton.parents)
+            pairs = self._filters.get(key, lambda: self._pairs_of(label, body))
+        else:
+            clip = clip.resample(body.fps)
+            key = (key_of(clip), content)
+            pairs = [self.pairs.pair(clip, content)]
+        alike = same_rest(pairs[0].styled.skeleton, body.skeleton)  # then it serves bodies of all sizes
+        key = (*key, back, None if alike else rest_key(body.skeleton))
+        return self._filters.get(
+            key, lambda: Filter.learned([p.like(body) for p in pairs], back, self.dims, self.ridge)
+        )
+
+    def _pairs_of(self, label: str, body: Motion) -> list[Pair]:
+        """Pairs of the first takes of each content in a style, of bodies of the content's kind if there are such."""
+        found: dict[str, list[int]] = {}
+        library = self.pairs.library
+        for number in library.numbers:
+            if library.labels[number].style == label:
+                found.setdefault(library.labels[number].content, []).append(number)
+        chosen = [(self.pairs.clip(n), content) for content, ns in found.items() for n in ns[: self.takes]]
+        alike = [(clip, content) for clip, content in chosen if clip.skeleton.same_tree(body.skeleton)]
+        return [self.pairs.pair(clip, content) for clip, content in alike or chosen]
