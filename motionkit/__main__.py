@@ -100,7 +100,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
 
 
 def _train(args: argparse.Namespace) -> None:
-    from .training import in_main
+    from .training import main_process_first
 
     data = datasets.load(args.data, args.root)
     for part in _JUDGES if args.what == "judge" else [args.what]:
@@ -110,7 +110,7 @@ def _train(args: argparse.Namespace) -> None:
         command += f" --start {args.start}" if args.start else ""
         command += f" --text {args.text}" if args.text != "mini" else ""
         path = _trained(part, data, args, command)
-        in_main(lambda path=path: print(path))
+        main_process_first(lambda path=path: print(path))
 
 
 def _trained(part: str, data: datasets.Dataset, args: argparse.Namespace, command: str) -> Path:
@@ -178,11 +178,11 @@ def _method_and_style(args: argparse.Namespace) -> tuple:
     """What `stylize` is to use: a learned style belongs to few-shot, a name to the methods that know names."""
     kind = Path(args.style).suffix
     if kind == ".safetensors":
-        from .methods.few_shot import prior_of
+        from .methods.few_shot import prior_name
 
         if args.method not in (None, "few-shot"):
             raise MotionKitError(f"{args.style}: a learned style is for --method few-shot; found {args.method!r}")
-        method = methods.load("few-shot", prior=prior_of(args.style))
+        method = methods.load("few-shot", prior=prior_name(args.style))
         return method, method.load_style(args.style)
     method = methods.load(args.method or "statistics")
     if not kind and not Path(args.style).exists():
@@ -211,7 +211,7 @@ def _imagine(args: argparse.Namespace) -> None:
     from .methods import text_to_motion
 
     output = _fresh(args.output, ".bvh", [])
-    scale = text_to_motion.SCALE if args.scale is None else args.scale
+    scale = text_to_motion.GUIDANCE_SCALE if args.scale is None else args.scale
     made = text_to_motion.load(args.prior).generate(args.sentence, args.seconds, scale=scale, seed=args.seed)
     print(save(made[0], output))
 

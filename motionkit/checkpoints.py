@@ -135,7 +135,7 @@ def load_into(model: torch.nn.Module, tensors: Mapping[str, Tensor], where: str 
     model.load_state_dict(tensors)
 
 
-def config_of(path: str | os.PathLike, card: Mapping, sizes: type):
+def load_config(path: str | os.PathLike, card: Mapping, sizes: type):
     """A network's sizes as its card says them; MotionKitError where they are not those that this version knows.
 
     sizes: a dataclass, such as `layers.TransformerConfig`.

@@ -112,7 +112,7 @@ def two_bone_ik(motion: Motion, joints: tuple[int, int, int], target: Tensor) ->
     open_hip = _angle(upper, reach, lower) - _corner(c - a, b - a)
     open_knee = _angle(upper, lower, reach) - _corner(a - b, c - b)
     bend = rot.axis_angle_to_quaternion(axis, open_hip)
-    swing = rot.between(c - a, target - a)
+    swing = rot.rotation_between(c - a, target - a)
     turn_hip = rot.quaternion_multiply(swing, bend)
     turn_knee = rot.quaternion_multiply(turn_hip, rot.axis_angle_to_quaternion(axis, open_knee))
     changed = world.clone()
@@ -179,18 +179,18 @@ def lock_feet(
         across = _corrections(foot[..., [0, 2]], stands, blend)
         up = _height_corrections(foot[..., 1], stands, blend)
         targets.append(places[:, ankle] + torch.stack((across[:, 0], up, across[:, 1]), -1))
-    motion = sunk(motion, pelvis_drop(motion, legs, targets, places))
+    motion = lower_pelvis(motion, pelvis_drop(motion, legs, targets, places))
     for leg, target in zip(legs, targets, strict=True):
         motion = two_bone_ik(motion, leg, target)
     return motion
 
 
-def sunk(motion: Motion, drop: Tensor) -> Motion:
+def lower_pelvis(motion: Motion, drop: Tensor) -> Motion:
     """The motion with its pelvis, and all that hangs on it, `drop` [F] metres lower in the world.
 
     >>> import motionkit as mk
     >>> m = mk.load("data/actor/walk_neutral.bvh")
-    >>> round(float((m.positions() - sunk(m, torch.full((len(m),), 0.1)).positions())[..., 1].mean()), 3)
+    >>> round(float((m.positions() - lower_pelvis(m, torch.full((len(m),), 0.1)).positions())[..., 1].mean()), 3)
     0.1
     """
     pelvis, translations = motion.skeleton.pelvis, motion.translations.clone()

@@ -129,13 +129,13 @@ def warp(path: Tensor, even: float = 0.0) -> Tensor:
     """
     counts = torch.bincount(path[:, 0])
     frames = torch.bincount(path[:, 0], weights=path[:, 1].double()) / counts
-    return smoothed(frames[:, None], even)[:, 0].float()
+    return gaussian_smooth(frames[:, None], even)[:, 0].float()
 
 
-def smoothed(curves: Tensor, sigma: float) -> Tensor:
+def gaussian_smooth(curves: Tensor, sigma: float) -> Tensor:
     """Curves [F, C] under a Gaussian of `sigma` frames; a straight line stays one, to its ends.
 
-    >>> smoothed(torch.arange(4.0)[:, None], 2.0)[:, 0].round(decimals=4).abs()
+    >>> gaussian_smooth(torch.arange(4.0)[:, None], 2.0)[:, 0].round(decimals=4).abs()
     tensor([0., 1., 2., 3.])
     """
     radius = min(int(3 * sigma + 0.5), len(curves) - 1)
@@ -148,14 +148,14 @@ def smoothed(curves: Tensor, sigma: float) -> Tensor:
     return torch.nn.functional.conv1d(padded, (weights / weights.sum())[None, None])[:, 0].T
 
 
-def movement(motion: Motion, centred: bool = True) -> Tensor:
+def pose_velocity_features(motion: Motion, centred: bool = True) -> Tensor:
     """What frames are compared by, [F, 6J]: places and speeds of joints seen from the body, in shares of its height.
 
     centred: for alignment, each place is taken from its mean over the clip and all is scaled to mean square 1, since
     how somebody holds himself, and how large he moves, says nothing about when he does what.
 
     >>> import motionkit as mk
-    >>> movement(mk.load("data/actor/walk_neutral.bvh")).shape
+    >>> pose_velocity_features(mk.load("data/actor/walk_neutral.bvh")).shape
     torch.Size([120, 132])
     """
     places = motion.positions()
@@ -167,10 +167,10 @@ def movement(motion: Motion, centred: bool = True) -> Tensor:
     return found / found.square().mean().sqrt().clamp(min=1e-4) if centred else found
 
 
-def stall_of(costs: Tensor) -> float:
+def step_penalty_for(costs: Tensor) -> float:
     """What it is to cost to stand still for a frame, for `dtw`: a share of the mean of these costs.
 
-    >>> round(stall_of(torch.ones(3, 4)), 3)
+    >>> round(step_penalty_for(torch.ones(3, 4)), 3)
     0.1
     """
     return _STALL * float(costs.mean())
@@ -196,5 +196,5 @@ def align(reference: Motion, other: Motion, segment: bool = False) -> Tensor:
             f"align: {reference!r} and {other!r} differ in joints or frame rate; bring the other one to the first with "
             "mk.retarget and Motion.resample"
         )
-    costs = torch.cdist(movement(reference), movement(other))
-    return warp(dtw(costs, stall=stall_of(costs), segment=segment), EVEN * reference.fps)
+    costs = torch.cdist(pose_velocity_features(reference), pose_velocity_features(other))
+    return warp(dtw(costs, stall=step_penalty_for(costs), segment=segment), EVEN * reference.fps)

@@ -13,26 +13,27 @@ from torch import Tensor, nn
 
 from . import checkpoints
 from . import rotations as rot
-from .datasets import Dataset, Encoded, Split
+from .datasets import Dataset, Split
+from .datasets.batches import FeatureCache
 from .errors import MotionKitError, motion_inside
-from .features.canonical import body_frames, forward_difference
+from .features.canonical import canonicalize, forward_difference
 from .layers import StGcn, StGcnConfig
 from .metrics import recognition_accuracy
 from .motion import Motion, in_order
 from .skeleton import Skeleton
-from .training import Schedule, card_of, device_of, fit, in_main, place_for
+from .training import TrainConfig, default_path, device_of, fit, main_process_first, training_card
 
 WINDOW, STRIDE = 64, 32  # frames
 
 
-def fitting(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
+def prepare(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
     """The motion's body at a judge's frame rate, its joints in the judge's order (a BVH file has one of its own).
 
     Raises MotionKitError if it is no motion, or its joints or their parents are others.
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> len(fitting(walk, walk.skeleton, 15.0, "a judge"))
+    >>> len(prepare(walk, walk.skeleton, 15.0, "a judge"))
     60
     """
     if not isinstance(motion, Motion):
@@ -50,7 +51,7 @@ def fitting(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
     return body if body.fps == fps else body.resample(fps)
 
 
-def several(motions: Sequence[Motion | None]) -> list[Motion | None]:
+def as_list(motions: Sequence[Motion | None]) -> list[Motion | None]:
     """The motions as a list; MotionKitError for a single one, or none."""
     if isinstance(motions, Motion):
         raise MotionKitError("a judge takes several motions: give a list, [motion] for one")
@@ -60,32 +61,32 @@ def several(motions: Sequence[Motion | None]) -> list[Motion | None]:
     return found
 
 
-def joint_numbers(motion: Motion) -> Tensor:
+def joint_features(motion: Motion) -> Tensor:
     """Where each joint is and how fast it moves, seen from the body: [F, J, 6], metres and metres a second.
 
     Places are relative to the pelvis' spot on the ground, velocities relative to the ground; both turned so that the
     body faces +Z in every frame.
 
     >>> import motionkit as mk
-    >>> joint_numbers(mk.load("data/actor/walk_neutral.bvh")).shape
+    >>> joint_features(mk.load("data/actor/walk_neutral.bvh")).shape
     torch.Size([120, 22, 6])
     """
-    body = body_frames(motion)
+    body = canonicalize(motion)
     moved = forward_difference(motion.positions()) * motion.fps
     return torch.cat((body.local, rot.quaternion_rotate(rot.yaw_to_quaternion(-body.yaw)[:, None], moved)), -1).float()
 
 
-def joint_turns(motion: Motion) -> Tensor:
+def joint_rotations(motion: Motion) -> Tensor:
     """Joint rotations for paper 2's autoencoder: unit quaternions [F, J, 4], w >= 0, the pelvis' without its facing.
 
     >>> import motionkit as mk
-    >>> joint_turns(mk.load("data/actor/walk_neutral.bvh")).shape
+    >>> joint_rotations(mk.load("data/actor/walk_neutral.bvh")).shape
     torch.Size([120, 22, 4])
     """
-    body, turns = body_frames(motion), motion.rotations.clone()
+    body, turns = canonicalize(motion), motion.rotations.clone()
     for joint in motion.skeleton.chain(motion.skeleton.pelvis):
         turns[:, joint] = rot.quaternion_multiply(rot.yaw_to_quaternion(-body.yaw), body.world[:, joint])
-    return rot.positive(turns).float()
+    return rot.quaternion_canonical(turns).float()
 
 
 def cut(frames: int, length: int = WINDOW, stride: int = STRIDE) -> list[int]:
@@ -98,7 +99,7 @@ def cut(frames: int, length: int = WINDOW, stride: int = STRIDE) -> list[int]:
 
 
 @torch.no_grad()
-def over_windows(
+def mean_over_windows(
     motions: Sequence[Motion | None],
     numbers: Callable[[Motion], Tensor],
     network: Callable[[Tensor], Tensor],
@@ -171,7 +172,7 @@ class Classifier:
 
     def encode(self, motion: Motion) -> Tensor:
         """What the network sees of a motion, [F, J, 6], or 3 without velocities; MotionKitError on another skeleton."""
-        x = joint_numbers(fitting(motion, self.skeleton, self.fps, f"this {self.label} classifier"))
+        x = joint_features(prepare(motion, self.skeleton, self.fps, f"this {self.label} classifier"))
         return x if self.moving else x[..., :3]
 
     def scores_and_features(self, motions: Sequence[Motion | None]) -> tuple[Tensor, Tensor]:
@@ -179,9 +180,9 @@ class Classifier:
 
         Raises MotionKitError for another skeleton, or where there is no motion at all.
         """
-        motions = several(motions)
+        motions = as_list(motions)
         self.network.eval()
-        both = over_windows(motions, self.encode, self._see, self.window)
+        both = mean_over_windows(motions, self.encode, self._see, self.window)
         return both[:, : len(self.labels)], both[:, len(self.labels) :]
 
     def _see(self, windows: Tensor) -> Tensor:
@@ -298,7 +299,7 @@ class MotionAutoencoder:
 
     def encode(self, motion: Motion) -> Tensor:
         """What the network sees of a motion, [F, J, 4]; MotionKitError on another skeleton."""
-        return joint_turns(fitting(motion, self.skeleton, self.fps, "this autoencoder"))
+        return joint_rotations(prepare(motion, self.skeleton, self.fps, "this autoencoder"))
 
     def features(self, motions: Sequence[Motion | None]) -> Tensor:
         """The encoder's last convolution, mean over time: [N, D]; NaN for None.
@@ -306,7 +307,7 @@ class MotionAutoencoder:
         Raises MotionKitError for another skeleton.
         """
         self.network.eval()
-        return over_windows(several(motions), self.encode, lambda x: self.network.encode(x).mean(2), WINDOW)
+        return mean_over_windows(as_list(motions), self.encode, lambda x: self.network.encode(x).mean(2), WINDOW)
 
     def save(self, path: str | os.PathLike) -> Path:
         """Weights and card, see `checkpoints.save`."""
@@ -338,7 +339,7 @@ def train_classifier(
     label: str,
     data: Dataset | Split,
     config: StGcnConfig | None = None,
-    schedule: Schedule | None = None,
+    schedule: TrainConfig | None = None,
     *,
     window: int = WINDOW,
     moving: bool = True,
@@ -360,13 +361,13 @@ def train_classifier(
     if label not in ("content", "style"):
         raise MotionKitError(f"a classifier is trained for 'content' or 'style'; found {label!r}")
     split = data.split() if isinstance(data, Dataset) else data
-    schedule = schedule or Schedule(STEPS[label])
+    schedule = schedule or TrainConfig(STEPS[label])
     torch.manual_seed(schedule.seed)
     judge = _fresh(label, split, config, window, moving)
-    frames = Encoded(split.train, judge)
+    frames = FeatureCache(split.train, judge)
     classes = judge.ids([getattr(clip, label) for clip in split.train])
     run = fit(judge.network, _loss(frames, classes, window), schedule, **running)
-    judge.card = {**card_of(split.train, schedule, run, judge.network), "metrics": {}}
+    judge.card = {**training_card(split.train, schedule, run, judge.network), "metrics": {}}
     for part in ("validation", "test"):
         if len(getattr(split, part)):
             judge.card["metrics"][f"{part}_accuracy"] = round(judge.accuracy(getattr(split, part)), 2)
@@ -384,7 +385,7 @@ def _fresh(label: str, split: Split, config: StGcnConfig | None, window: int, mo
     return Classifier(network, label, labels, motion.skeleton, motion.fps, window, moving)
 
 
-def _loss(frames: Encoded, classes: Tensor, window: int) -> Callable[[nn.Module, int], Tensor]:
+def _loss(frames: FeatureCache, classes: Tensor, window: int) -> Callable[[nn.Module, int], Tensor]:
     """Cross-entropy on windows of a random length; of each class a random clip that has frames enough."""
     lengths = (1,) if window == 1 else tuple(n for n in _LENGTHS if n <= window)
     usable = {n: frames.lengths >= min(n, int(frames.lengths.max())) for n in lengths}
@@ -402,19 +403,19 @@ def _loss(frames: Encoded, classes: Tensor, window: int) -> Callable[[nn.Module,
     return loss_of
 
 
-def train_autoencoder(data: Dataset | Split, schedule: Schedule | None = None, **running) -> MotionAutoencoder:
+def train_autoencoder(data: Dataset | Split, schedule: TrainConfig | None = None, **running) -> MotionAutoencoder:
     """Paper 2's denoising autoencoder (supplement A) on a dataset's training part; its labels are not looked at.
 
     The card holds the mean angle, in degrees, by which it misses clean rotations of the test part, and how far the
     noise had turned them.
     """
     split = data.split() if isinstance(data, Dataset) else data
-    schedule = schedule or Schedule(STEPS["autoencoder"])
+    schedule = schedule or TrainConfig(STEPS["autoencoder"])
     skeleton, fps = split.train[0].motion.body().skeleton, split.train[0].motion.fps
     torch.manual_seed(schedule.seed)
     network = DenoisingAutoencoder(len(skeleton))
     encoder = MotionAutoencoder(network, skeleton, fps)
-    frames = Encoded(split.train, encoder)
+    frames = FeatureCache(split.train, encoder)
     enough = torch.nonzero(frames.lengths >= min(WINDOW, int(frames.lengths.max())))[:, 0]
 
     def loss_of(model: nn.Module, step: int) -> Tensor:
@@ -422,24 +423,24 @@ def train_autoencoder(data: Dataset | Split, schedule: Schedule | None = None, *
         return denoising_loss(model, frames.draw(clips, min(WINDOW, int(frames.lengths.max()))).to(device_of(model)))
 
     run = fit(network, loss_of, schedule, **running)
-    unseen = Encoded(split.test, encoder)
+    unseen = FeatureCache(split.test, encoder)
     there = torch.nonzero(unseen.lengths >= WINDOW)[:, 0]
     with torch.no_grad():
         torch.manual_seed(schedule.seed)
         turns = unseen.draw(there, WINDOW)
         found = {"test_degrees": denoising_loss(network, turns), "noise_degrees": denoising_loss(nn.Identity(), turns)}
     metrics = {name: round(float(value.rad2deg()), 3) for name, value in found.items()}
-    encoder.card = {**card_of(split.train, schedule, run, network), "metrics": metrics}
+    encoder.card = {**training_card(split.train, schedule, run, network), "metrics": metrics}
     return encoder
 
 
-def single_frame_accuracy(label: str, split: Split, schedule: Schedule | None = None, **running) -> float:
+def single_frame_accuracy(label: str, split: Split, schedule: TrainConfig | None = None, **running) -> float:
     """Per cent of single frames of unseen clips whose label a classifier names that sees poses and no movement.
 
     Every fifth frame of the test part counts; what it misses is in the timing.
     """
     judge = train_classifier(
-        label, split, None, schedule or Schedule(STEPS["frame"]), window=1, moving=False, **running
+        label, split, None, schedule or TrainConfig(STEPS["frame"]), window=1, moving=False, **running
     )
     frames = [(clip.motion[n], getattr(clip, label)) for clip in split.test for n in range(0, len(clip), 5)]
     scores = judge.scores([frame for frame, _ in frames])
@@ -452,17 +453,17 @@ def train_part(part: str, data: Dataset, config: StGcnConfig, steps: int | None,
     steps: of the training; left out, the recipe's. The state of the run is kept beside the weights, so a run that was
     broken off goes on. A classifier's card also says what single frames give away. Returns the path of the weights.
     """
-    path, split = place_for(data.name, part), data.split()
-    schedule, keep = Schedule(steps or STEPS[part], seed=seed), path.with_suffix(".run")
+    path, split = default_path(data.name, part), data.split()
+    schedule, keep = TrainConfig(steps or STEPS[part], seed=seed), path.with_suffix(".run")
     if part == "autoencoder":
         made = train_autoencoder(split, schedule, keep=keep, title=path.stem)
     else:
         made = train_classifier(part, split, config, schedule, keep=keep, title=path.stem)
-        still = Schedule(min(schedule.steps, STEPS["frame"]), seed=seed)
+        still = TrainConfig(min(schedule.steps, STEPS["frame"]), seed=seed)
         share = single_frame_accuracy(part, split, still, title=f"{path.stem}, single frames")
         made.card["metrics"]["single_frame_accuracy"] = round(share, 2)
     made.card = {"name": path.stem, "command": command, **made.card}
-    in_main(lambda: made.save(path))
+    main_process_first(lambda: made.save(path))
     return path
 
 

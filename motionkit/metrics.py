@@ -812,7 +812,7 @@ def from_own_place(like: Motion, places: Tensor) -> Tensor:
 AMONG = 32
 
 
-def recalls(
+def recall_at_k(
     motions: Tensor, texts: Tensor, groups: Sequence[Hashable], among: int = AMONG, rounds: int = 100, seed: int = 0
 ) -> dict[str, float]:
     """R@1 and R@3 in per cent: in how many cases the own sentence is the nearest, or one of the three nearest.
@@ -822,7 +822,7 @@ def recalls(
     each is as likely to be taken, so a network that says the same of all finds one in 32. Raises MotionKitError for
     fewer groups.
 
-    >>> found = recalls(torch.eye(40), torch.eye(40), range(40))
+    >>> found = recall_at_k(torch.eye(40), torch.eye(40), range(40))
     >>> found["r1"], found["r3"]
     (100.0, 100.0)
     """

@@ -182,7 +182,7 @@ class Motion:
         frames, last = torch.as_tensor(frames), len(self) - 1
         if smooth and last:
             times = frames.double().clamp(0, last)
-            turned = _splined(rot.unroll(self.rotations), times)
+            turned = _splined(rot.quaternion_unroll(self.rotations), times)
             turned = turned / turned.norm(dim=-1, keepdim=True)
             return self.replace(rotations=turned, translations=_splined(self.translations, times))
         low = frames.floor().long().clamp(0, max(last - 1, 0))
@@ -376,7 +376,7 @@ def _mirror_rotations(twin: Tensor, above: Tensor, flips: Tensor) -> Tensor:
     half_turn = above * flips  # [J, 3]: all +1 for no turn, or +1 on the axis alone
     turns = (half_turn.sum(-1, keepdim=True) < 0) * torch.clamp(half_turn, min=0)
     rest = torch.cat((1 - turns.sum(-1, keepdim=True), turns), -1)
-    return rot.unroll(rot.quaternion_multiply(seen, rest))
+    return rot.quaternion_unroll(rot.quaternion_multiply(seen, rest))
 
 
 def _mirror_translations(motion: Motion, twins: tuple[int, ...], above: Tensor) -> Tensor:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from . import kinematics, skeleton
 from . import rotations as rot
-from .contacts import foot_contacts, pelvis_drop, sunk, two_bone_ik
+from .contacts import foot_contacts, lower_pelvis, pelvis_drop, two_bone_ik
 from .errors import MotionKitError
 from .motion import Motion
 from .skeleton import MIDDLE, Skeleton
@@ -46,13 +46,13 @@ class Body:
         return float((self.places[self.roles[end]] - self.places[self.roles[start]]).norm())
 
 
-def trunk(skeleton: Skeleton, roles: Mapping[str, int] | None = None) -> tuple[list[int], list[int]]:
+def find_trunk(skeleton: Skeleton, roles: Mapping[str, int] | None = None) -> tuple[list[int], list[int]]:
     """Midline joints above the pelvis up to the chest, where the arms leave, and those above it (neck, head).
 
     roles: joint numbers by part; the skeleton's own if left out.
 
     >>> from motionkit.skeleton import smpl
-    >>> spine, above = trunk(smpl())
+    >>> spine, above = find_trunk(smpl())
     >>> [smpl().names[j] for j in spine + above]
     ['spine1', 'spine2', 'spine3', 'neck', 'head']
     """
@@ -74,12 +74,12 @@ def trunk(skeleton: Skeleton, roles: Mapping[str, int] | None = None) -> tuple[l
         above.append(joint)
 
 
-def body_of(skeleton: Skeleton, offsets: Tensor, roles: dict[str, int]) -> Body:
+def find_body(skeleton: Skeleton, offsets: Tensor, roles: dict[str, int]) -> Body:
     """The `Body` of a skeleton with its pelvis as root; offsets [J, 3] metres from the parents, roles by number."""
     places = [torch.zeros(3, dtype=torch.float64)]
     for joint, parent in enumerate(skeleton.parents[1:], 1):
         places.append(places[parent] + offsets[joint].double())
-    spine, neck = trunk(skeleton, roles)
+    spine, neck = find_trunk(skeleton, roles)
     chest, collars = spine[-1] if spine else 0, {}
     for side in SIDES:
         path = skeleton.chain(roles[f"{side}_shoulder"]) if f"{side}_shoulder" in roles else ()
@@ -113,7 +113,7 @@ def match_joints(source: Body, target: Body, names: Mapping[str, str | None]) ->
     place along the chain, then joints that share side and name. Raises MotionKitError where arms or legs are missing.
 
     >>> from motionkit.skeleton import smpl
-    >>> person = body_of(smpl(), smpl().offsets, smpl().roles)
+    >>> person = find_body(smpl(), smpl().offsets, smpl().roles)
     >>> match_joints(person, person, {"head": None})[12:16]
     [{12: 1.0}, {13: 1.0}, {14: 1.0}, {}]
     """
@@ -219,14 +219,14 @@ _FLAT = (0.0, 60.0)  # degrees below level that a foot's bone may point at rest 
 _SLOPE = 30.0  # degrees, of a foot's bone where neither the rest pose nor a clip tells
 
 
-def neutral(body: Body, motion: Motion | None = None) -> Tensor:
+def rest_pose(body: Body, motion: Motion | None = None) -> Tensor:
     """World rotations [J, 4] of a rig's joints when it stands in T-pose, upright, facing +Z, with flat soles.
 
     motion: a clip on the body's skeleton, needed only for rigs whose rest pose is no standing body.
 
-    >>> from motionkit.retargeting import body_of
+    >>> from motionkit.retargeting import find_body
     >>> from motionkit.skeleton import smpl
-    >>> upright = neutral(body_of(smpl(), smpl().offsets, smpl().roles))
+    >>> upright = rest_pose(find_body(smpl(), smpl().offsets, smpl().roles))
     >>> bool(rot.quaternion_angle(upright, rot.identity_quaternion(22, dtype=upright.dtype)).max() < 0.25)
     True
     """
@@ -307,7 +307,7 @@ def _turned_to(turn: Tensor, bone: Tensor, aim: Tensor) -> Tensor:
         now = rot.normalize(rot.quaternion_rotate(turn, bone))
     if float(now.norm()) == 0:
         return turn
-    return rot.quaternion_multiply(rot.between(now, aim), turn)
+    return rot.quaternion_multiply(rot.rotation_between(now, aim), turn)
 
 
 def _quarter(axis: Tensor, angle: float) -> Tensor:
@@ -393,7 +393,7 @@ def _stance_slope(heights: Tensor, bone: Tensor) -> float:
 _SOLE = 0.05  # of the height: a toe that is higher at rest does not stand on the ground there
 
 
-def stand(result: Motion, origin: Motion, target: Body, source: Body, links: Links, scale: float) -> Motion:
+def plant_feet(result: Motion, origin: Motion, target: Body, source: Body, links: Links, scale: float) -> Motion:
     """The result with standing feet moved as the source's move, times `scale`: mostly not at all.
 
     result, origin: motions on the two bodies' skeletons, the pelvis as root. Between contacts the correction passes
@@ -506,7 +506,7 @@ def _moved(result: Motion, legs: list[tuple], shifts: list[Tensor], planted: lis
     if max(float((s - common).abs().max()) for s in shifts) < 1e-6:
         return result
     targets = [places[:, leg[2]] + shift for leg, shift in zip(legs, shifts, strict=True)]
-    result = sunk(result, pelvis_drop(result, legs, targets, result.positions()))
+    result = lower_pelvis(result, pelvis_drop(result, legs, targets, result.positions()))
     for leg, there in zip(legs, targets, strict=True):
         result = two_bone_ik(result, leg, there)
     return result
@@ -548,14 +548,14 @@ def retarget(
     names, origin = dict(names or {}), motion.body()
     hollow = whole if whole.pelvis == 0 else whole.part(whole.below(whole.pelvis))
     roles = shared_roles(origin.skeleton, hollow, names)
-    source = body_of(origin.skeleton, _bones(origin), roles[0])
-    target = body_of(hollow, _bones(clip) if clip else hollow.offsets, roles[1])
-    links, stance = match_joints(source, target, names), neutral(source, origin)
-    upright = stance, stance if _same_rig(source, target) else neutral(target, clip)
+    source = find_body(origin.skeleton, _bones(origin), roles[0])
+    target = find_body(hollow, _bones(clip) if clip else hollow.offsets, roles[1])
+    links, stance = match_joints(source, target, names), rest_pose(source, origin)
+    upright = stance, stance if _same_rig(source, target) else rest_pose(target, clip)
     scale = _leg_ratio(source, target) if scale is None else float(scale)
     result = _posed(origin, source, target, links, upright, scale)
     if feet and len(motion):
-        result = stand(result, origin, target, source, links, scale)
+        result = plant_feet(result, origin, target, source, links, scale)
     return _on_whole(result, whole).replace(name=motion.name, metres_per_unit=motion.metres_per_unit)
 
 
@@ -616,7 +616,7 @@ def _posed(
     root = pelvis * scale - rot.quaternion_rotate(local[:, 0], hips[1])
     translations = _offsets(target).to(dtype).expand(len(root), -1, -1).clone()
     translations[:, 0] = root
-    return Motion(target.skeleton, rot.unroll(local), translations, origin.fps)
+    return Motion(target.skeleton, rot.quaternion_unroll(local), translations, origin.fps)
 
 
 def _hips(body: Body) -> Tensor:

@@ -40,10 +40,10 @@ def normalize(v: Tensor) -> Tensor:
     return v / torch.where(length > 0, length, torch.ones_like(length))
 
 
-def perpendicular(u: Tensor) -> Tensor:
+def perpendicular_to(u: Tensor) -> Tensor:
     """Some unit vector [..., 3] at right angles to each unit vector `u` [..., 3].
 
-    >>> perpendicular(torch.tensor([1.0, 0.0, 0.0])).abs()
+    >>> perpendicular_to(torch.tensor([1.0, 0.0, 0.0])).abs()
     tensor([0., 0., 1.])
     """
     far = u[..., :1].abs() > 0.7
@@ -114,19 +114,19 @@ def quaternion_angle(a: Tensor, b: Tensor) -> Tensor:
     return 2 * _safe_atan2(sine, difference[..., 0].abs())
 
 
-def positive(q: Tensor) -> Tensor:
+def quaternion_canonical(q: Tensor) -> Tensor:
     """Of `q` and `-q`, which are one rotation, the one with w >= 0; [..., 4].
 
-    >>> positive(torch.tensor([-0.6, 0.8, 0.0, 0.0]))
+    >>> quaternion_canonical(torch.tensor([-0.6, 0.8, 0.0, 0.0]))
     tensor([ 0.6000, -0.8000, -0.0000, -0.0000])
     """
     return torch.where(q[..., :1] < 0, -q, q)
 
 
-def unroll(q: Tensor) -> Tensor:
+def quaternion_unroll(q: Tensor) -> Tensor:
     """Choose signs along the first axis so that neighbouring quaternions [F, ..., 4] lie close together.
 
-    >>> unroll(torch.tensor([[1.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0]]))
+    >>> quaternion_unroll(torch.tensor([[1.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0]]))
     tensor([[1., 0., 0., 0.],
             [1., -0., -0., -0.]])
     """
@@ -154,7 +154,7 @@ def log_map(q: Tensor) -> Tensor:
     >>> log_map(torch.tensor([0.0, 0.0, 1.0, 0.0]))
     tensor([0.0000, 3.1416, 0.0000])
     """
-    q = positive(q)
+    q = quaternion_canonical(q)
     w, xyz = q[..., :1], q[..., 1:]
     squared = (xyz**2).sum(-1, keepdim=True)
     small = squared < 1e-12
@@ -243,7 +243,7 @@ def matrix_to_quaternion(matrix: Tensor) -> Tensor:
         -1,
     ).unflatten(-1, (4, 4))  # fmt: skip
     best = products.diagonal(dim1=-2, dim2=-1).argmax(-1)[..., None, None].expand(*matrix.shape[:-2], 1, 4)
-    return positive(normalize(products.gather(-2, best).squeeze(-2)))
+    return quaternion_canonical(normalize(products.gather(-2, best).squeeze(-2)))
 
 
 def matrix_to_sixd(matrix: Tensor) -> Tensor:
@@ -271,7 +271,7 @@ def sixd_to_matrix(sixd: Tensor) -> Tensor:
     first = torch.where(nothing, first.new_tensor([1.0, 0.0, 0.0]), first)
     aside = second - (first * second).sum(-1, keepdim=True) * first
     parallel = (aside**2).sum(-1, keepdim=True) < (1e-12 if sixd.dtype == torch.float32 else 1e-24)
-    aside = normalize(torch.where(parallel, perpendicular(first), aside))
+    aside = normalize(torch.where(parallel, perpendicular_to(first), aside))
     # once more: what rounding left of `first` has grown where the two were almost parallel
     second = normalize(aside - (first * aside).sum(-1, keepdim=True) * first)
     return torch.stack((first, second, torch.linalg.cross(first, second)), -1)
@@ -295,13 +295,13 @@ def sixd_to_quaternion(sixd: Tensor) -> Tensor:
     return matrix_to_quaternion(sixd_to_matrix(sixd))
 
 
-def between(u: Tensor, v: Tensor) -> Tensor:
+def rotation_between(u: Tensor, v: Tensor) -> Tensor:
     """The shortest rotation [..., 4] that turns direction `u` [..., 3] into direction `v` [..., 3].
 
     Opposite directions have many answers: some axis at right angles to `u` is taken. A zero vector gives no
     turn.
 
-    >>> between(torch.tensor([0.0, 0.0, 1.0]), torch.tensor([1.0, 0.0, 0.0]))
+    >>> rotation_between(torch.tensor([0.0, 0.0, 1.0]), torch.tensor([1.0, 0.0, 0.0]))
     tensor([0.7071, 0.0000, 0.7071, 0.0000])
     """
     u, v = torch.broadcast_tensors(normalize(u), normalize(v))
@@ -310,7 +310,7 @@ def between(u: Tensor, v: Tensor) -> Tensor:
     length = _safe_sqrt((halfway**2).sum(-1, keepdim=True))
     opposite = length < (1e-6 if u.dtype == torch.float32 else 1e-14)
     turn = torch.cat((length / 2, torch.linalg.cross(u, normalize(halfway))), -1)
-    about = torch.cat((torch.zeros_like(length), perpendicular(u)), -1)
+    about = torch.cat((torch.zeros_like(length), perpendicular_to(u)), -1)
     result = normalize(torch.where(opposite, about, turn))
     return torch.where(nothing, result.new_tensor([1.0, 0.0, 0.0, 0.0]), result)
 
@@ -354,14 +354,14 @@ def quaternion_to_yaw(q: Tensor) -> Tensor:
     >>> quaternion_to_yaw(yaw_to_quaternion(torch.tensor(0.5)))
     tensor(0.5000)
     """
-    q = positive(q)
+    q = quaternion_canonical(q)
     return 2 * _safe_atan2(q[..., 2], q[..., 0])
 
 
-def wrap(angle: Tensor) -> Tensor:
+def wrap_angle(angle: Tensor) -> Tensor:
     """Angles to the same angles between -pi and pi.
 
-    >>> wrap(torch.tensor(3 * torch.pi / 2))
+    >>> wrap_angle(torch.tensor(3 * torch.pi / 2))
     tensor(-1.5708)
     """
     return torch.atan2(torch.sin(angle), torch.cos(angle))

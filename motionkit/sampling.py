@@ -1,7 +1,8 @@
 """Samplers: from noise to a motion, in many steps or few.
 
 Each is a plain function of `predict`, a callable (x [B, ...], t long [B]) to the clean x0 that it sees in x at step t.
-Those who have a network that predicts noise wrap it in `diffusion.from_noise`; text comes in with `guided`.
+Those who have a network that predicts noise wrap it in `diffusion.from_noise`; text comes in with
+`classifier_free_guidance`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from .diffusion import NoiseSchedule, noise_from_x0, posterior, x0_from_noise
 from .errors import MotionKitError
 from .features import Layout
 
-Predict = Callable[[Tensor, Tensor], Tensor]
+Denoise = Callable[[Tensor, Tensor], Tensor]
 Inpaint = Callable[[Tensor], Tensor]
 Callback = Callable[[int, Tensor, Tensor], object]
 Steps = int | Sequence[int] | None
@@ -65,7 +66,7 @@ def _very_steps(steps: Sequence[int], most: int, start: int | None, spacing: flo
 
 
 def ddpm(
-    predict: Predict,
+    predict: Denoise,
     x: Tensor,
     schedule: NoiseSchedule,
     steps: Steps = None,
@@ -96,7 +97,7 @@ def ddpm(
 
 
 def ddim(
-    predict: Predict,
+    predict: Denoise,
     x: Tensor,
     schedule: NoiseSchedule,
     steps: Steps = 50,
@@ -132,7 +133,7 @@ def ddim(
 
 
 def ddim_invert(
-    predict: Predict,
+    predict: Denoise,
     x: Tensor,
     schedule: NoiseSchedule,
     steps: Steps = 50,
@@ -162,7 +163,7 @@ def ddim_invert(
 
 
 def dpm_solver(
-    predict: Predict,
+    predict: Denoise,
     x: Tensor,
     schedule: NoiseSchedule,
     steps: Steps = 10,
@@ -195,7 +196,7 @@ def dpm_solver(
     return x
 
 
-def _predicted(predict: Predict, x: Tensor, t: int, inpaint: Inpaint | None) -> Tensor:
+def _predicted(predict: Denoise, x: Tensor, t: int, inpaint: Inpaint | None) -> Tensor:
     x0 = predict(x, torch.full((len(x),), t, device=x.device))
     return x0 if inpaint is None else inpaint(x0)
 
@@ -216,15 +217,16 @@ def guidance(conditioned: Tensor, unconditioned: Tensor, scale: float) -> Tensor
     return scale * conditioned + (1 - scale) * unconditioned
 
 
-def guided(
+def classifier_free_guidance(
     model: Callable[..., Tensor], condition: Tensor, nothing: Tensor, scale: float = 2.5, **more: Tensor
-) -> Predict:
+) -> Denoise:
     """A network with a condition as `predict`, both of its predictions made in one call (paper 4, eq. 5).
 
     model: called as (x [B, ...], t [B], condition [B, D], more). nothing: the condition that says nothing, [D]. scale:
     see `guidance`; at 1 the network is asked once. more: tensors [B, ...] that it gets beside, such as a mask.
 
-    >>> predict = guided(lambda x, t, c: x * 0 + c, torch.tensor([[3.0]]), torch.tensor([1.0]), scale=2.0)
+    >>> three, one = torch.tensor([[3.0]]), torch.tensor([1.0])
+    >>> predict = classifier_free_guidance(lambda x, t, c: x * 0 + c, three, one, scale=2.0)
     >>> predict(torch.zeros(1, 1), torch.tensor([5]))
     tensor([[5.]])
     """
@@ -239,14 +241,14 @@ def guided(
     return predict
 
 
-def windowed(predict: Predict, most: int, overlap: int) -> Predict:
+def sliding_window(predict: Denoise, most: int, overlap: int) -> Denoise:
     """A network that was taught motions of `most` frames, for longer ones: it sees windows, which fade into each other.
 
     What it predicts for windows that share at least `overlap` frames is laid together at every step of a sampler, so
     that they agree more and more and no seam is left. Shorter motions pass as they are. Raises MotionKitError where the
     overlap does not fit into a window.
 
-    >>> predict = windowed(lambda x, t: x[:, :1].expand_as(x), most=4, overlap=2)
+    >>> predict = sliding_window(lambda x, t: x[:, :1].expand_as(x), most=4, overlap=2)
     >>> predict(torch.arange(6.0)[None, :, None], torch.tensor([5])).flatten()
     tensor([0.0000, 0.0000, 0.2929, 1.7071, 2.0000, 2.0000])
     """
@@ -275,7 +277,7 @@ def windowed(predict: Predict, most: int, overlap: int) -> Predict:
 def inpainting(known: Tensor, where: Tensor) -> Inpaint:
     """Puts what is known in the place of what was predicted, at every step (paper 1, eq. 8).
 
-    known: clean features [F, D] or [B, F, D]. where: bool that broadcasts against them, see `named`.
+    known: clean features [F, D] or [B, F, D]. where: bool that broadcasts against them, see `feature_mask`.
 
     >>> inpainting(torch.zeros(2, 3), torch.tensor([True, False, False]))(torch.ones(1, 2, 3))[0, 0]
     tensor([0., 1., 1.])
@@ -283,7 +285,7 @@ def inpainting(known: Tensor, where: Tensor) -> Inpaint:
     return lambda x0: torch.where(where.to(x0.device), known.to(x0), x0)
 
 
-def named(layout: Layout, *names: str) -> Tensor:
+def feature_mask(layout: Layout, *names: str) -> Tensor:
     """Which numbers of a pose have one of these names, bool [D]: a part ("root") or a component of it.
 
     Paper 1 (eq. 8) keeps `named(layout, "root x velocity", "root z velocity")`. A component is written as
@@ -291,7 +293,7 @@ def named(layout: Layout, *names: str) -> Tensor:
 
     >>> import motionkit as mk
     >>> layout = mk.features.FacingFree(mk.skeleton.smpl(), 30)
-    >>> named(layout, "root x velocity", "root z velocity").nonzero().flatten().tolist()
+    >>> feature_mask(layout, "root x velocity", "root z velocity").nonzero().flatten().tolist()
     [1, 2]
     """
     words = [layout.describe(n) for n in range(layout.size)]
@@ -308,18 +310,18 @@ def named(layout: Layout, *names: str) -> Tensor:
 
 
 PAPER_SCHEDULE = NoiseSchedule.cosine(1000)  # whose steps paper 1's G, K and S are
-NOISE, CHANGE, STEPS = 950, 300, 20  # G, K and S (paper 1, section 4)
+PAPER_G, PAPER_K, PAPER_S = 950, 300, 20  # G, K and S (paper 1, section 4)
 
 
 @dataclass(frozen=True)
-class Chain:
+class PartialDiffusion:
     """The few steps between a motion and its noised self (paper 1, eq. 9 and section 4: K = 300, S = 20).
 
     schedule: of the prior. stops: its steps, noisiest first.
 
-    >>> Chain.like_paper(PAPER_SCHEDULE).stops
+    >>> PartialDiffusion.like_paper(PAPER_SCHEDULE).stops
     (300, 250, 200, 150, 100, 50)
-    >>> Chain.like_paper(PAPER_SCHEDULE.louder(6)).stops
+    >>> PartialDiffusion.like_paper(PAPER_SCHEDULE.louder(6)).stops
     (48, 38, 29, 20, 12, 5)
     """
 
@@ -327,7 +329,7 @@ class Chain:
     stops: tuple[int, ...]
 
     @classmethod
-    def like_paper(cls, schedule: NoiseSchedule, change: int = CHANGE, steps: int = STEPS) -> Chain:
+    def like_paper(cls, schedule: NoiseSchedule, change: int = PAPER_K, steps: int = PAPER_S) -> PartialDiffusion:
         """Starts with the noise of K = `change` of 1000 steps, S = `steps` in all (paper 1, section 4).
 
         Steps of another schedule are those with the same noise (`NoiseSchedule.step_like`). Raises MotionKitError for
@@ -337,16 +339,16 @@ class Chain:
         stops = [schedule.step_like(step, PAPER_SCHEDULE) for step in paper]
         return cls(schedule, tuple(dict.fromkeys(stops)))
 
-    def forward(self, predict: Predict, x: Tensor) -> Tensor:
+    def forward(self, predict: Denoise, x: Tensor) -> Tensor:
         """Clean x [B, F, D] to its noised self, m_K: deterministic DDIM forwards (paper 1, section 4)."""
         return ddim_invert(predict, x, self.schedule, self.stops)
 
-    def reverse(self, predict: Predict, noised: Tensor) -> Tensor:
+    def reverse(self, predict: Denoise, noised: Tensor) -> Tensor:
         """The predictions of the clean motion on the way back, [N, B, F, D], the last one last (paper 1, eq. 9).
 
         Gradients go through all steps. Step 0, where DDIM ends, is the last prediction itself.
 
-        >>> chain = Chain.like_paper(PAPER_SCHEDULE)
+        >>> chain = PartialDiffusion.like_paper(PAPER_SCHEDULE)
         >>> chain.reverse(lambda x, t: torch.full_like(x, 3.0), torch.randn(1, 4, 2)).shape
         torch.Size([6, 1, 4, 2])
         """
@@ -358,7 +360,7 @@ class Chain:
 def reconstruction_loss(predictions: Tensor, style: Tensor) -> Tensor:
     """How far the predictions of every step of the chain are from the style example (paper 1, eq. 10); mean of squares.
 
-    predictions: [N, B, F, D], of `Chain.reverse` from the noised neutral motion. style: [B, F, D].
+    predictions: [N, B, F, D], of `PartialDiffusion.reverse` from the noised neutral motion. style: [B, F, D].
 
     >>> reconstruction_loss(torch.zeros(6, 1, 4, 2), torch.full((1, 4, 2), 2.0))
     tensor(4.)

@@ -28,7 +28,7 @@ from .errors import MotionKitError
 from .files import write_atomic
 
 
-def write(
+def write_run_state(
     path: Path,
     model: nn.Module,
     optimizer: torch.optim.Optimizer,
@@ -37,7 +37,7 @@ def write(
     losses: list[float],
     seconds: float,
 ) -> None:
-    """Everything that `read` needs to go on as if nothing had happened."""
+    """Everything that `read_run_state` needs to go on as if nothing had happened."""
     tensors = {f"model.{name}": value for name, value in model.state_dict().items()}
     for number, values in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{number}.{name}": value for name, value in values.items()}
@@ -51,7 +51,7 @@ def write(
     write_atomic(path, tensors_as_bytes(plain, _begun(schedule)))
 
 
-def read(
+def read_run_state(
     path: Path, model: nn.Module, optimizer: torch.optim.Optimizer, mean: nn.Module | None, schedule: object
 ) -> tuple[list[float], float]:
     """Puts a kept state back in place; returns the losses so far and the seconds they took.
@@ -76,7 +76,7 @@ def read(
     return tensors["losses"].tolist(), float(tensors["seconds"])
 
 
-def remove(path: Path) -> None:
+def remove_run_state(path: Path) -> None:
     """The file, and what was left of it where a process was killed while it wrote."""
     path.unlink(missing_ok=True)
     for left in path.parent.glob(f".{glob.escape(path.name[:40])}.*"):
@@ -92,7 +92,7 @@ def _begun(schedule: object) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class Schedule:
+class TrainConfig:
     """How long and how fast: AdamW whose rate rises for a tenth of the steps, then falls as a cosine.
 
     steps: batches. rate: the highest. decay: of the weights. clip: the longest gradient. seed: says every batch.
@@ -119,7 +119,7 @@ class Schedule:
     def rate_at(self, step: int) -> float:
         """The learning rate of a step, from 0.
 
-        >>> [round(Schedule(100, rate=1.0).rate_at(n), 2) for n in (0, 9, 54, 99)]
+        >>> [round(TrainConfig(100, rate=1.0).rate_at(n), 2) for n in (0, 9, 54, 99)]
         [0.1, 1.0, 0.5, 0.0]
         """
         warm = max(self.steps // 10, 1)
@@ -149,13 +149,13 @@ class _Learner:
     model: nn.Module
     optimizer: torch.optim.Optimizer
     mean: AveragedModel | None
-    schedule: Schedule
+    schedule: TrainConfig
     kept: Path | None
     whole: bool = True  # false while a step changes the weights
     undo: list[Tensor] = field(default_factory=list)  # the buffers before a step, which its forward pass changes
 
     @classmethod
-    def of(cls, model: nn.Module, schedule: Schedule, kept: Path | None) -> _Learner:
+    def of(cls, model: nn.Module, schedule: TrainConfig, kept: Path | None) -> _Learner:
         """On the device that there is; mixed precision (bfloat16) on a GPU."""
         cpu = _on_cpu()
         accelerator = Accelerator(mixed_precision="no" if cpu or not torch.cuda.is_available() else "bf16", cpu=cpu)
@@ -199,7 +199,7 @@ class _Learner:
         """The run so far, its state put back; all processes must have found the same."""
         run = Run()
         if self.kept is not None and self.kept.exists():
-            found = read(self.kept, self.bare, self.raw_optimizer, self.mean, self.schedule)
+            found = read_run_state(self.kept, self.bare, self.raw_optimizer, self.mean, self.schedule)
             run = Run(*found)
         steps = torch.tensor([len(run.losses)], device=self.accelerator.device)
         if len(set(self.accelerator.gather(steps).tolist())) > 1:
@@ -212,7 +212,7 @@ class _Learner:
             return
         for value, old in zip(self.buffers(), self.undo):
             value.copy_(old)
-        write(self.kept, self.bare, self.raw_optimizer, self.mean, self.schedule, run.losses, run.seconds)
+        write_run_state(self.kept, self.bare, self.raw_optimizer, self.mean, self.schedule, run.losses, run.seconds)
 
     def finish(self) -> None:
         """The mean into the model, the same numbers in all processes, and no file left."""
@@ -221,14 +221,14 @@ class _Learner:
         for value in self.buffers():
             broadcast(value)
         if self.kept is not None and self.main:
-            remove(self.kept)
+            remove_run_state(self.kept)
         self.accelerator.wait_for_everyone()
 
 
 def fit(
     model: nn.Module,
     loss_of: Callable[[nn.Module, int], Tensor],
-    schedule: Schedule,
+    schedule: TrainConfig,
     *,
     keep: str | os.PathLike | None = None,
     every: float = 30.0,
@@ -249,7 +249,7 @@ def fit(
     >>> line = nn.Linear(1, 1)
     >>> def miss(model, step):
     ...     return ((model(torch.ones(4, 1)) - 3) ** 2).mean()
-    >>> run = fit(line, miss, Schedule(200, rate=0.1), title="")
+    >>> run = fit(line, miss, TrainConfig(200, rate=0.1), title="")
     >>> len(run.losses), bool(run.losses[-1] < 1e-3 * run.losses[0])
     (200, True)
     """
@@ -325,7 +325,7 @@ def _not_finite(learner: _Learner, step: int, error: _NotFinite, batch_of: Calla
     return f"training: {what}{batch}{state}. Look for bad numbers in those clips, or take a smaller rate"
 
 
-def seed_batch(schedule: Schedule, step: int, rank: int | None = None) -> None:
+def seed_batch(schedule: TrainConfig, step: int, rank: int | None = None) -> None:
     """Seed torch's random numbers as `fit` does before step n of a process (this one if left out), to draw it again."""
     if rank is None:
         rank = torch.distributed.get_rank() if torch.distributed.is_initialized() else 0
@@ -352,10 +352,10 @@ def is_main() -> bool:
     return PartialState(cpu=_on_cpu()).is_main_process
 
 
-def in_main(write: Callable[[], object]) -> None:
+def main_process_first(write: Callable[[], object]) -> None:
     """Do this in the main process only; the others wait until it is done.
 
-    >>> in_main(lambda: print("written"))
+    >>> main_process_first(lambda: print("written"))
     written
     """
     if is_main():
@@ -367,7 +367,7 @@ def in_main(write: Callable[[], object]) -> None:
 LICENCES = {"bandai-1": "CC-BY-NC-4.0", "bandai-2": "CC-BY-NC-4.0"}
 
 
-def card_of(data: Dataset, schedule: Schedule, run: Run, network: nn.Module) -> dict:
+def training_card(data: Dataset, schedule: TrainConfig, run: Run, network: nn.Module) -> dict:
     """What every card says of how weights were made from these clips."""
     name = data.name
     return {
@@ -393,7 +393,7 @@ def data_hash(dataset: Dataset) -> str:
     return hashlib.sha256("\n".join(clips).encode()).hexdigest()[:16]
 
 
-def place_for(data: str, what: str) -> Path:
+def default_path(data: str, what: str) -> Path:
     """Where the weights of a judge go: `NAME-content.safetensors` and so on, in the folder of their licence."""
     folder = checkpoints.folder() / LICENCES.get(data, "").lower()
     os.makedirs(folder, exist_ok=True)

@@ -45,7 +45,7 @@ def motion_from_keypoints(
     Motion('seen', 60 frames at 30 fps, 2.0 s, 22 joints)
     """
     points, roles = _checked(points, names, fps, cutoff)
-    points = smoothed(filled(points, names, fps), fps, cutoff)
+    points = lowpass(fill_gaps(points, names, fps), fps, cutoff)
     points = _upright(points, roles)
     skeleton = smpl()
     places = _as_smpl(points, roles, list(names), skeleton)
@@ -53,13 +53,13 @@ def motion_from_keypoints(
     return _standing(motion).at_origin()
 
 
-def filled(points: Tensor, names: Sequence[str], fps: float) -> Tensor:
+def fill_gaps(points: Tensor, names: Sequence[str], fps: float) -> Tensor:
     """Keypoints [F, J, 3] with gaps (NaN) filled in straight lines, at the ends by the nearest frame; float64.
 
     Raises MotionKitError for a gap over 0.3 s, and names joint and frames.
 
     >>> seen = torch.tensor([[[0.0, 0, 0]], [[math.nan, 0, 0]], [[2.0, 0, 0]]])
-    >>> filled(seen, ["nose"], fps=30)[1, 0]
+    >>> fill_gaps(seen, ["nose"], fps=30)[1, 0]
     tensor([1., 0., 0.], dtype=torch.float64)
     """
     points = points.detach().double().clone()
@@ -80,13 +80,13 @@ def filled(points: Tensor, names: Sequence[str], fps: float) -> Tensor:
     return points
 
 
-def smoothed(points: Tensor, fps: float, cutoff: float = CUTOFF) -> Tensor:
+def lowpass(points: Tensor, fps: float, cutoff: float = CUTOFF) -> Tensor:
     """Numbers over time [F, ...] through a Butterworth low-pass of second order, forwards and back (paper 1, 5.1).
 
     cutoff: Hz, below half the frame rate. Nothing is delayed.
 
     >>> still = torch.ones(30, 1)
-    >>> bool(torch.allclose(smoothed(still, fps=30), still.double()))
+    >>> bool(torch.allclose(lowpass(still, fps=30), still.double()))
     True
     """
     sections = butter(2, cutoff, fs=fps, output="sos")
@@ -120,7 +120,7 @@ def _upright(points: Tensor, roles: dict[str, int]) -> Tensor:
     axis = int(trunk.abs().argmax())
     up = torch.zeros(3, dtype=points.dtype)
     up[axis] = trunk[axis].sign()
-    turn = rot.between(up, torch.tensor([0.0, 1.0, 0.0], dtype=points.dtype))
+    turn = rot.rotation_between(up, torch.tensor([0.0, 1.0, 0.0], dtype=points.dtype))
     return rot.quaternion_rotate(turn.expand(*points.shape[:2], 4), points)
 
 

@@ -7,7 +7,8 @@ import torch
 
 import motionkit as mk
 from motionkit.arena.transfers import one_thread
-from motionkit.datasets import Split, of_items, performed
+from motionkit.datasets import Split, performed
+from motionkit.datasets.loading import from_items
 
 CONTENTS, STYLES = ("jump", "walk", "wave"), ("neutral", "old", "proud")
 HEIGHTS = ("pelvis", "left_wrist", "right_ankle", "head")
@@ -52,7 +53,7 @@ def small_split() -> Split:
     chosen = [i for i in performed.items("actor") if i.labels.content in CONTENTS and i.labels.style in STYLES]
     wanted = [i for i in chosen if i.name[-2:] in ("00", "14")]
     with one_thread():
-        return of_items("actor", wanted).split()
+        return from_items("actor", wanted).split()
 
 
 def copy_content(content, style):

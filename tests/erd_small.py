@@ -7,7 +7,7 @@ from torch import nn
 
 from motionkit.actor import perform
 from motionkit.methods.style_erd import ErdConfig, ErdModel, StyleErd
-from motionkit.methods.style_erd_stream import Labeller
+from motionkit.methods.style_erd_stream import FrameClassifier
 
 STYLES, CONTENTS = ("neutral", "old", "proud"), ("walk", "jump")
 
@@ -20,6 +20,6 @@ def small_model(fps: float = 30.0, labels: bool = False, skip: bool = False) -> 
         for branch in (net.neutral, net.residual):
             nn.init.normal_(branch.hidden)
         net.decoder[-1].bias[:88:4] += 2
-    labeller = Labeller(22, len(CONTENTS), len(STYLES)).eval() if labels else None
+    labeller = FrameClassifier(22, len(CONTENTS), len(STYLES)).eval() if labels else None
     skeleton = perform("walk", "neutral", seed=2, seconds=1.0).motion.skeleton
     return ErdModel(net, CONTENTS, STYLES, skeleton, fps, labeller)

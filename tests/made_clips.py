@@ -6,7 +6,8 @@ from pathlib import Path
 import torch
 
 import motionkit as mk
-from motionkit.datasets import Dataset, Item, Labels, Recording, of_items
+from motionkit.datasets import Dataset, Item, Labels, Recording
+from motionkit.datasets.loading import from_items
 from motionkit.skeleton import Skeleton, smpl
 
 
@@ -49,10 +50,12 @@ class Made:
 
 def made(labels: list[Labels], **more) -> Dataset:
     """A dataset of short clips with these labels, called clip_000 and so on."""
-    return of_items("made", [Item(f"clip_{n:03d}", label, Made(n, **more)) for n, label in enumerate(labels)])
+    return from_items("made", [Item(f"clip_{n:03d}", label, Made(n, **more)) for n, label in enumerate(labels)])
 
 
 def lengths(frames: list[int], **more) -> Dataset:
     """A dataset of clips of these lengths; three styles in turn."""
     labels = [Labels("walk", ("old", "proud", "sad")[n % 3], (f"clip {n}",)) for n in range(len(frames))]
-    return of_items("made", [Item(f"clip_{n:03d}", labels[n], Made(n, frames=f, **more)) for n, f in enumerate(frames)])
+    return from_items(
+        "made", [Item(f"clip_{n:03d}", labels[n], Made(n, frames=f, **more)) for n, f in enumerate(frames)]
+    )

@@ -11,7 +11,7 @@ from test_training import MEAN, a_loss, a_net, a_net_with_buffers
 
 import motionkit as mk
 from motionkit.__main__ import main
-from motionkit.training import Schedule, fit, in_main, is_main, seed_batch
+from motionkit.training import TrainConfig, fit, is_main, main_process_first, seed_batch
 
 BAD = 3  # the step whose batch holds a NaN, in the second process
 
@@ -50,7 +50,7 @@ def bad(folder: Path, rank: int, said: dict) -> None:
     """A NaN in the second process only."""
 
     def batch_of(step: int) -> str:
-        seed_batch(Schedule(9), step)
+        seed_batch(TrainConfig(9), step)
         return f"clip {int(torch.randint(10**6, ()))}"
 
     def loss_of(model: torch.nn.Module, step: int) -> torch.Tensor:
@@ -60,7 +60,7 @@ def bad(folder: Path, rank: int, said: dict) -> None:
         return a_loss(model, step) * (torch.nan if step == BAD and rank == 1 else 1)
 
     try:
-        fit(a_net(), loss_of, Schedule(9), keep=folder / "bad.run", title="", batch_of=batch_of)
+        fit(a_net(), loss_of, TrainConfig(9), keep=folder / "bad.run", title="", batch_of=batch_of)
     except mk.MotionKitError as error:
         said.update(message=str(error))
 
@@ -72,7 +72,7 @@ if __name__ == "__main__":
     for part in (together, broken_off, bad):
         part(folder, rank, said)
         PartialState().wait_for_everyone()
-    in_main(lambda: (folder / f"written-by-{rank}").touch())
+    main_process_first(lambda: (folder / f"written-by-{rank}").touch())
     said.update(waited=(folder / "written-by-0").exists())
     said.update(
         code=main(["train", "prior", "--data", "folder", "--root", str(clips), "--config", "tiny", "--steps", "2"])

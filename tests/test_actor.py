@@ -7,10 +7,11 @@ import pytest
 import torch
 
 import motionkit as mk
-from motionkit.actor import CONTENTS, SEEN, UNSEEN, Performer, Style, mix, parameters, perform, retell, style_named
+from motionkit.actor import CONTENTS, Performer, Style, mix, parameters, perform, retell
 from motionkit.actor.bodies import HEEL
+from motionkit.actor.style import HELD_OUT_STYLES, TRAIN_STYLES, get_style
 
-STYLES = (*SEEN, *UNSEEN)
+STYLES = (*TRAIN_STYLES, *HELD_OUT_STYLES)
 
 
 def angles(motion: mk.Motion, *joints: str) -> torch.Tensor:
@@ -50,7 +51,11 @@ def everything() -> dict:
 
 
 def test_names_and_shape(everything):
-    assert len(CONTENTS) == 12 and len(SEEN) == 8 and set(UNSEEN) == {"sneaky", "drunk", "robot", "zombie"}
+    assert (
+        len(CONTENTS) == 12
+        and len(TRAIN_STYLES) == 8
+        and set(HELD_OUT_STYLES) == {"sneaky", "drunk", "robot", "zombie"}
+    )
     for (content, style), p in everything.items():
         assert p.motion.skeleton.names == mk.skeleton.smpl().names
         assert (p.content, p.style.name, len(p), p.motion.fps) == (content, style, 240, 30.0)
@@ -164,12 +169,12 @@ def test_two_pairs_of_styles_differ_in_timing_alone(pair, content):
 
 
 def test_intensity_and_mixing():
-    assert style_named("old").at(0).values() == Style().values()
-    half = mix({style_named("old"): 0.5, style_named("proud"): 0.5})
+    assert get_style("old").at(0).values() == Style().values()
+    half = mix({get_style("old"): 0.5, get_style("proud"): 0.5})
     for name in parameters():
-        a, b = getattr(style_named("old"), name), getattr(style_named("proud"), name)
+        a, b = getattr(get_style("old"), name), getattr(get_style("proud"), name)
         assert getattr(half, name) == pytest.approx((a + b) / 2)
-    much = style_named("angry").at(3.0)
+    much = get_style("angry").at(3.0)
     assert all(p.low <= getattr(much, n) <= p.high for n, p in parameters().items())
     neutral, mild, full = (perform("walk", "old", seed=1, seconds=4, intensity=k, performer=2) for k in (0, 0.5, 1))
     heads = [p.motion.positions()[:, 15, 1].mean() for p in (neutral, mild, full)]
@@ -201,7 +206,7 @@ def test_walks_follow_a_path_and_slow_down_where_it_is_too_sharp():
     assert float(gaps.min(1).values.max()) < 0.12
     facing = p.motion.facing()
     moving = torch.atan2(*(way[6:] - way[:-6]).T)
-    assert float(mk.rotations.wrap(facing[3:-3] - moving).abs().mean()) < 0.25
+    assert float(mk.rotations.wrap_angle(facing[3:-3] - moving).abs().mean()) < 0.25
     with pytest.warns(mk.MotionKitWarning, match="sharply"):
         sharp = perform("walk", seed=1, seconds=6, path=[[0, 0], [0, 2], [0.2, 2], [0.2, 0], [0.4, 0], [0.4, 3]])
     assert mk.contacts.foot_sliding(sharp.motion, sharp.contacts) < 0.5
@@ -216,7 +221,7 @@ def test_turns_go_where_they_say():
     for name, sign in (("walk_turn_left", 1), ("walk_turn_right", -1)):
         for seed in range(4):
             facing = perform(name, seed=seed, seconds=6).motion.facing()
-            turned = mk.rotations.wrap(facing[1:] - facing[:-1]).sum()
+            turned = mk.rotations.wrap_angle(facing[1:] - facing[:-1]).sum()
             assert math.radians(50) < sign * float(turned) < math.radians(230)
     back = perform("walk_back", seed=1, seconds=5).motion.at_origin()
     assert float(back.root_path()[-1, 1]) < -1.0
@@ -274,7 +279,7 @@ def test_bad_styles_get_one_clear_error():
         retell(perform("walk", seed=1, seconds=3).motion, "old")
     with pytest.raises(mk.MotionKitError, match="habits: no 'foo'"):
         Performer(habits={"foo": 1.0})
-    assert mix({"old": 0.5, "proud": 0.5}) == mix({style_named("old"): 0.5, style_named("proud"): 0.5})
+    assert mix({"old": 0.5, "proud": 0.5}) == mix({get_style("old"): 0.5, get_style("proud"): 0.5})
     with pytest.raises(mk.MotionKitError, match="0.4 to 3 m tall"):
         Performer(height=12)
     with pytest.raises(mk.MotionKitError, match="not tellings of one score"):

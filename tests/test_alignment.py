@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import motionkit as mk
-from motionkit.dtw import align, dtw, dtw_costs, movement, smoothed, warp
+from motionkit.dtw import align, dtw, dtw_costs, gaussian_smooth, pose_velocity_features, warp
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_many_at_once_cost_what_each_costs(segment):
 
 
 def test_a_clip_goes_along_with_itself(walk):
-    costs = torch.cdist(movement(walk), movement(walk))
+    costs = torch.cdist(pose_velocity_features(walk), pose_velocity_features(walk))
     assert torch.equal(dtw(costs), torch.arange(len(walk))[:, None].expand(-1, 2))
     assert torch.allclose(align(walk, walk), torch.arange(120.0), atol=1e-3)
 
@@ -94,10 +94,10 @@ def test_how_somebody_holds_himself_does_not_matter(walk):
 
 def test_smoothing_keeps_the_ends_and_an_even_pace():
     line = torch.arange(50.0)[:, None] * 0.5
-    assert torch.allclose(smoothed(line, 3.0), line, atol=1e-4)
+    assert torch.allclose(gaussian_smooth(line, 3.0), line, atol=1e-4)
     bumpy = line + torch.tensor([0.0, 0.4]).repeat(25)[:, None]
-    assert torch.diff(smoothed(bumpy, 3.0), dim=0).std() < 0.1 * torch.diff(bumpy, dim=0).std()
-    assert torch.equal(smoothed(line[:1], 3.0), line[:1])
+    assert torch.diff(gaussian_smooth(bumpy, 3.0), dim=0).std() < 0.1 * torch.diff(bumpy, dim=0).std()
+    assert torch.equal(gaussian_smooth(line[:1], 3.0), line[:1])
     stalls = torch.tensor([[0, 0], [1, 0], [2, 0], [2, 1], [2, 2], [3, 3]])
     assert warp(stalls).tolist() == [0, 0, 1, 3]
 

@@ -13,7 +13,7 @@ import torch
 
 import motionkit as mk
 from motionkit.arena import Protocol, transfers
-from motionkit.arena.transfers import fingerprint, one_thread
+from motionkit.arena.transfers import cache_key, one_thread
 from motionkit.datasets import Split
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -289,27 +289,27 @@ def test_keys_change_with_what_a_method_is():
 
         return method
 
-    assert fingerprint(make(0.5)) == fingerprint(make(0.5)) != fingerprint(make(0.6))
+    assert cache_key(make(0.5)) == cache_key(make(0.5)) != cache_key(make(0.6))
     changed = make(0.5)
     changed.__defaults__ = (2.0,)
-    assert fingerprint(changed) != fingerprint(make(0.5))
+    assert cache_key(changed) != cache_key(make(0.5))
     scopes = [{}, {}, {}]
     codes = ("h = lambda x: x + 1", "h = lambda x: x + 2", "h = lambda x: x + 1")
     for scope, code in zip(scopes, codes):
         exec(f"{code}\nlimit = 3\ndef method(a, b): return h(a) + limit", scope)
-    first, other, same = (fingerprint(scope["method"]) for scope in scopes)
+    first, other, same = (cache_key(scope["method"]) for scope in scopes)
     assert first == same != other
     scopes[2]["limit"] = 4
-    assert fingerprint(scopes[2]["method"]) != first
+    assert cache_key(scopes[2]["method"]) != first
 
     net, twin = torch.nn.Linear(2, 2), torch.nn.Linear(2, 2)
     twin.load_state_dict(net.state_dict())
-    assert fingerprint(net) == fingerprint(twin)
+    assert cache_key(net) == cache_key(twin)
     with torch.no_grad():
         twin.bias[0] += 1
-    assert fingerprint(net) != fingerprint(twin)
-    assert fingerprint(mk.methods.load("statistics")) == fingerprint(mk.methods.load("statistics"))
-    assert fingerprint({1: [2, {3, "a"}]}) != fingerprint({1: [2, {3, "b"}]})
+    assert cache_key(net) != cache_key(twin)
+    assert cache_key(mk.methods.load("statistics")) == cache_key(mk.methods.load("statistics"))
+    assert cache_key({1: [2, {3, "a"}]}) != cache_key({1: [2, {3, "b"}]})
 
 
 def test_keys_are_the_same_in_every_process():
@@ -319,7 +319,7 @@ def test_keys_are_the_same_in_every_process():
     environment = {**os.environ, "PYTHONPATH": paths, "PYTHONHASHSEED": "7"}
     command = [sys.executable, "-c", f"{code}print({things})"]
     there = subprocess.run(command, env=environment, capture_output=True, check=True)
-    assert there.stdout.decode().strip() == str(eval(things, {"f": fingerprint, "lab": lab, "mk": mk}))
+    assert there.stdout.decode().strip() == str(eval(things, {"f": cache_key, "lab": lab, "mk": mk}))
 
 
 def test_results_come_back_as_they_were(tmp_path):

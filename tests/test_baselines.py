@@ -9,10 +9,11 @@ from rigs import flexion
 import motionkit as mk
 from motionkit import actor
 from motionkit.contacts import foot_contacts, foot_sliding
-from motionkit.datasets import Item, Labels, of_items
+from motionkit.datasets import Item, Labels
+from motionkit.datasets.loading import from_items
 from motionkit.datasets.performed import ActorSource
-from motionkit.methods.base import in_step, velocity_factor
-from motionkit.methods.neutral_pairs import NeutralPairs, add_difference, difference
+from motionkit.methods.base import match_root_speed, velocity_factor
+from motionkit.methods.neutral_pairs import NeutralPairs, add_pose_difference, pose_difference
 from motionkit.metrics import jitter, truth_error
 
 CONTENTS, STYLES = ("walk", "jump", "wave"), ("neutral", "old", "proud")
@@ -35,7 +36,7 @@ def source(content: str, style: str, take: int) -> ActorSource:
 
 def made(name: str, takes: range):
     kinds = [(c, s, t) for c in CONTENTS for s in STYLES for t in takes]
-    return of_items(name, [Item(f"{c}_{s}_{t}", Labels(c, s, ()), source(c, s, t)) for c, s, t in kinds])
+    return from_items(name, [Item(f"{c}_{s}_{t}", Labels(c, s, ()), source(c, s, t)) for c, s, t in kinds])
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +161,7 @@ def test_each_clip_is_searched_for_once(library, test_clips, monkeypatch):
 def test_a_difference_added_is_there(library):
     a, b = (one(library, "walk", s).motion[:100] for s in ("old", "neutral"))
     b = mk.retarget(b, a)
-    there = add_difference(b, difference(a, b))
+    there = add_pose_difference(b, pose_difference(a, b))
     assert torch.allclose(there.rotations[:, 1:].abs(), a.rotations[:, 1:].abs(), atol=1e-3)
     assert torch.allclose(there.translations[:, 0, 1], a.translations[:, 0, 1], atol=1e-4)
     assert torch.equal(there.root_path(), b.root_path())
@@ -170,7 +171,7 @@ def test_in_step_scales_the_path_as_the_movements(library):
     walk = one(library, "walk", "neutral").motion
     still = walk.rotations.mean(0).expand_as(walk.rotations)
     half = walk.replace(rotations=mk.rotations.slerp(still, walk.rotations, 0.5))
-    out = in_step(half, walk)
+    out = match_root_speed(half, walk)
     length = lambda m: float((m.root_path()[-1] - m.root_path()[0]).norm())  # noqa: E731
     assert length(out) / length(walk) == pytest.approx(velocity_factor(half) / velocity_factor(walk), rel=1e-3)
     assert length(out) < 0.75 * length(walk)
@@ -202,7 +203,7 @@ def test_copies_are_what_they_say(test_clips):
     assert len(copied) == len(style) and copied.fps == content.fps and copied.skeleton is content.skeleton
     assert (copied[:1].positions() - content[:1].positions())[0, 0, [0, 2]].norm() < 1e-3
     assert float((copied.facing()[0] - content.facing()[0]).abs()) < 1e-3
-    bent = difference(copied, style)[:, 3:-1]
+    bent = pose_difference(copied, style)[:, 3:-1]
     assert float(bent.abs().mean()) < 0.02  # only feet are moved a little for the other legs
     trot, sit = (mk.load(f"data/actor/dog_{d}.bvh") for d in ("trot_neutral", "sit_tired"))
     dog = mk.methods.load("copy-style").stylize(trot, style=sit)

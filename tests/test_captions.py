@@ -6,12 +6,13 @@ from functools import cache
 import pytest
 
 import motionkit as mk
-from motionkit.actor import CONTENTS, SEEN, UNSEEN, perform, retell
+from motionkit.actor import CONTENTS, perform, retell
+from motionkit.actor.style import HELD_OUT_STYLES, TRAIN_STYLES
 from motionkit.text import captions as captured
 from motionkit.text import to_neutral, to_style
 from motionkit.text.captions import STYLES, performed_captions
 
-NAMES = SEEN + UNSEEN
+NAMES = TRAIN_STYLES + HELD_OUT_STYLES
 STYLED = [name for name in NAMES if name != "neutral"]
 SEQUENCE = "walk, jump, kick"
 # What each content cannot be told without, in any form of the verb.

@@ -9,8 +9,9 @@ import torch
 import motionkit as mk
 from motionkit import actor
 from motionkit import rotations as rot
-from motionkit.actor import SEEN, UNSEEN, Performer, Style, bodies, performing
+from motionkit.actor import Performer, Style, bodies, performing
 from motionkit.actor.pose import ankles, leg_turns, rest_legs
+from motionkit.actor.style import HELD_OUT_STYLES, TRAIN_STYLES
 from motionkit.contacts import foot_sliding
 
 KINDS = performing.CREATURES
@@ -29,10 +30,10 @@ def joint(performance, name):
 
 
 def test_bodies_differ():
-    skeletons = [performing.creature_named(kind).skeleton for kind in KINDS]
+    skeletons = [performing.get_creature(kind).skeleton for kind in KINDS]
     assert len(KINDS) == 5
     assert len({len(s) for s in skeletons}) == 5
-    assert len(performing.creature_named("humanoid").skeleton) == 31
+    assert len(performing.get_creature("humanoid").skeleton) == 31
     assert not set(skeletons[0].names) & set(skeletons[1].names)
     for skeleton in skeletons:
         assert {"left", "right", "middle"} == set(skeleton.sides)
@@ -41,7 +42,7 @@ def test_bodies_differ():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rest_pose_is_a_mirror_image_that_stands_on_the_ground(kind):
-    creature = performing.creature_named(kind)
+    creature = performing.get_creature(kind)
     rest, twins = creature.rest, list(creature.skeleton.twins)
     torch.testing.assert_close(rest[twins] * torch.tensor([-1.0, 1.0, 1.0]), rest, atol=1e-9, rtol=0)
     assert rest[:, 1].min() >= 0
@@ -49,9 +50,9 @@ def test_rest_pose_is_a_mirror_image_that_stands_on_the_ground(kind):
 
 @pytest.mark.parametrize("kind", BEASTS)
 def test_feet_stand_where_contacts_say(kind):
-    creature, chance = performing.creature_named(kind), random.Random(kind)
+    creature, chance = performing.get_creature(kind), random.Random(kind)
     for content in creature.contents:
-        for style in chance.sample(SEEN + UNSEEN, 2):
+        for style in chance.sample(TRAIN_STYLES + HELD_OUT_STYLES, 2):
             done = performing.perform_creature(content, style, chance.randrange(99), seconds=8, creature=kind)
             feet = done.performer.feet
             assert done.contacts.shape == (240, len(feet))
@@ -67,7 +68,7 @@ def test_feet_stand_where_contacts_say(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_bones_keep_their_lengths_and_files_give_the_motion_back(kind, tmp_path):
-    content = performing.creature_named(kind).contents[0]
+    content = performing.get_creature(kind).contents[0]
     motion = performing.perform_creature(content, "proud", 3, seconds=3, creature=kind).motion
     places = motion.positions()
     for j, parent in enumerate(motion.skeleton.parents):
@@ -159,7 +160,7 @@ def test_deeds_look_like_what_they_are_called():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_score_told_again_agrees_beat_by_beat(kind):
-    deed = next(iter(performing.creature_named(kind).species.deeds))
+    deed = next(iter(performing.get_creature(kind).species.deeds))
     first = performing.perform_creature(f"walk, {deed}", "neutral", 6, seconds=9, creature=kind)
     other = mk.actor.retell(first, "tired")
     assert other.performer is first.performer and other.score is first.score
@@ -213,7 +214,7 @@ def test_the_humanoid_is_a_person_on_another_rig():
 
 
 def test_three_bone_legs_end_where_they_should():
-    creature = performing.creature_named("dog")
+    creature = performing.get_creature("dog")
     rest = rest_legs(creature.species, creature.size)
     places = creature.rest[torch.tensor(rest.joints)]  # [L, 4, 3]
     chance = torch.Generator().manual_seed(0)
@@ -242,7 +243,7 @@ def test_three_bone_legs_end_where_they_should():
         (lambda: performing.perform_creature("walk, sit", seconds=1, creature="dog"), "at least"),
         (lambda: performing.perform_creature("walk", seconds=math.nan, creature="dog"), "seconds: expected a number"),
         (lambda: performing.perform_creature("walk", path=[[0, 0]], creature="dog"), "at least two"),
-        (lambda: bodies.Creature(performing.creature_named("dog").species, size=90), "size is 0.2 to 5"),
+        (lambda: bodies.Creature(performing.get_creature("dog").species, size=90), "size is 0.2 to 5"),
     ],
 )
 def test_mistakes_are_explained(wrong, said):

@@ -241,5 +241,5 @@ def test_real_captures(captures_dir):
 
 @pytest.mark.captures
 def test_the_whole_archive_is_found(captures):
-    found = mk.datasets.items_of("bandai-2", captures)
+    found = mk.datasets.list_items("bandai-2", captures)
     assert len(found) == 2902 and len({item.labels[:2] for item in found}) == 70

@@ -11,8 +11,10 @@ from made_clips import Made, lengths, made
 from torch.utils.data import DataLoader
 
 import motionkit as mk
-from motionkit.datasets import BalancedSampler, Encoded, Item, Labels, Windows, batches, collate, of_items
+from motionkit.datasets import BalancedSampler, Item, Labels, Windows, batches, collate
 from motionkit.datasets import cache as stores
+from motionkit.datasets.batches import FeatureCache
+from motionkit.datasets.loading import from_items
 
 
 @pytest.fixture(autouse=True)
@@ -156,7 +158,7 @@ def test_features_are_cut_from_those_of_the_whole_clip(walks, layout, monkeypatc
 
 
 def test_features_of_clips_without_frames_and_in_other_processes(walks):
-    encoded = Encoded(walks, mk.features.SixD())
+    encoded = FeatureCache(walks, mk.features.SixD())
     batch = collate(list(walks), encoded)
     assert batch.features.shape == (5, 130, 135) and not batch.features[1].any() and batch.features[0].any()
     there = pickle.loads(pickle.dumps(encoded))
@@ -221,7 +223,7 @@ def test_torchs_own_loader_and_other_processes_take_them(walks):
 @pytest.mark.parametrize("other", [Made(1, joints=3), Made(1, fps=60.0), Made(1, phase=True)])
 def test_clips_that_differ_share_no_batch(other):
     items = [Item("a", Labels("walk", "old", ()), Made(0)), Item("b", Labels("walk", "old", ()), other)]
-    ds = of_items("mixed", items)
+    ds = from_items("mixed", items)
     message = r"one skeleton and frame rate are needed here, but 'a' has Skeleton\(2 joints.*, and 'b' has .*retarget"
     for attempt in (lambda: batches(ds.windows(2), 2), lambda: collate(list(ds)), lambda: ds.skeleton):
         with pytest.raises(mk.MotionKitError, match=message):

@@ -11,9 +11,10 @@ import torch
 
 import motionkit as mk
 from motionkit import actor
-from motionkit.actor import CONTENTS, SEEN, UNSEEN, Performer, retell, style_named
-from motionkit.actor.performing import CREATURES, creature_named
+from motionkit.actor import CONTENTS, Performer, retell
+from motionkit.actor.performing import CREATURES, get_creature
 from motionkit.actor.score import GESTURES
+from motionkit.actor.style import HELD_OUT_STYLES, TRAIN_STYLES, get_style
 from motionkit.datasets import performed
 
 PARTS = ("train", "validation", "test")
@@ -30,9 +31,9 @@ def part_of(name: str, part: str) -> list:
 @pytest.mark.parametrize(
     ("name", "styles", "shares"),
     [
-        ("actor", SEEN, (12, 2, 3)),
-        ("actor-unseen", UNSEEN, (2, 1, 5)),
-        ("actor-held-back", ("neutral", *UNSEEN), (12, 2, 3)),
+        ("actor", TRAIN_STYLES, (12, 2, 3)),
+        ("actor-unseen", HELD_OUT_STYLES, (2, 1, 5)),
+        ("actor-held-back", ("neutral", *HELD_OUT_STYLES), (12, 2, 3)),
     ],
 )
 def test_every_content_in_every_style_in_every_part(name, styles, shares):
@@ -45,8 +46,8 @@ def test_every_content_in_every_style_in_every_part(name, styles, shares):
 def test_creatures_do_all_they_can():
     for part, count in zip(PARTS, (3, 1, 1)):
         found = Counter((item.source.creature, *item.labels[:2]) for item in part_of("creatures", part))
-        kinds = [(name, content) for name in CREATURES for content in creature_named(name).contents]
-        assert found == {(*kind, style): count for kind in kinds for style in SEEN}
+        kinds = [(name, content) for name in CREATURES for content in get_creature(name).contents]
+        assert found == {(*kind, style): count for kind in kinds for style in TRAIN_STYLES}
 
 
 def test_who_is_tested_on_was_never_trained_on():
@@ -60,7 +61,7 @@ def test_who_is_tested_on_was_never_trained_on():
 def test_performers_do_not_give_the_style_away():
     for part in PARTS:
         people = {i.labels.performer for i in part_of("actor", part)}
-        for style in SEEN:
+        for style in TRAIN_STYLES:
             assert len({i.labels.performer for i in part_of("actor", part) if i.labels.style == style}) == len(people)
         counts = Counter(i.labels.performer for i in part_of("actor", part))
         assert max(counts.values()) <= min(counts.values()) + 4
@@ -96,7 +97,7 @@ def test_four_to_eight_seconds_in_whole_frames():
 def test_the_slowest_do_a_whole_gesture(content):
     def rate(item):
         who = Performer.from_seed(item.source.performer)
-        return who.as_done_by(style_named(item.labels.style)).tempo * who.leg**-0.5
+        return who.as_done_by(get_style(item.labels.style)).tempo * who.leg**-0.5
 
     clips = [i for i in ALL["actor"] + ALL["actor-unseen"] if i.labels.content == content]
     for item in sorted(clips, key=rate)[:4]:
@@ -141,12 +142,12 @@ def test_exact_places_are_those_of_the_clip():
 def test_as_a_dataset(tmp_path, monkeypatch):
     monkeypatch.setenv("MOTIONKIT_CACHE", str(tmp_path))
     chosen = ALL["actor"][::160] + ALL["creatures"][::400]
-    ds = mk.datasets.of_items("some", chosen)
+    ds = mk.datasets.from_items("some", chosen)
     clip = ds.filter(content=chosen[3].labels.content)[0]
     source = next(i.source for i in chosen if i.name == clip.name)
     assert torch.equal(clip.contacts, source.perform().contacts)
     torch.testing.assert_close(clip.phase[:, 0], source.perform().phase.float())
-    people = mk.datasets.of_items("people", ALL["actor"][::100])
+    people = mk.datasets.from_items("people", ALL["actor"][::100])
     batch = next(iter(mk.datasets.batches(people.windows(64), 4)))
     assert batch.contacts.shape == (4, 64, 4) and batch.phase.shape == (4, 64, 1)
     parts = people.split()

@@ -137,7 +137,7 @@ def test_damaged_tables_in_archives_are_named(bandai_2, tmp_path):
     huge = sources.File("a.json", "a.json", None, 1 << 40, 0)
     (tmp_path / "a.json").write_text("{}")
     with fails("1099511627776 bytes, which is no table"):
-        list(sources.texts([sources.File(huge.place, str(tmp_path / "a.json"), None, huge.size, 0)]))
+        list(sources.read_texts([sources.File(huge.place, str(tmp_path / "a.json"), None, huge.size, 0)]))
 
 
 def test_xia(root, tmp_path):

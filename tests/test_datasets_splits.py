@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from made_clips import Made, chain, made
 
 import motionkit as mk
-from motionkit.datasets import Item, Labels, Recording, of_items
+from motionkit.datasets import Item, Labels, Recording
+from motionkit.datasets.loading import from_items
 from motionkit.skeleton import Skeleton
 
 
@@ -189,19 +190,19 @@ def test_given_contacts_and_twins_are_kept():
     turns = torch.tensor([1.0, 0, 0, 0]).expand(4, 3, 4)
     motion = mk.Motion.from_root(skeleton, turns, torch.zeros(4, 3), 25.0)
     stands = torch.rand(4, 6) > 0.5
-    ds = of_items("mine", [Item("a", Labels("walk", "old", ()), Given(Recording(motion, {"contacts": stands})))])
+    ds = from_items("mine", [Item("a", Labels("walk", "old", ()), Given(Recording(motion, {"contacts": stands})))])
     assert torch.equal(ds[0].contacts, stands) and ds[0].motion.skeleton.twins == (0, 2, 1)
     wrong = Given(Recording(motion, {"phase": torch.zeros(3, 1)}))
     with pytest.raises(mk.MotionKitError, match=r"clip 'b': expected track 'phase' as \[4, K\].* found \[3, 1\]"):
-        of_items("mine", [Item("b", Labels("walk", "old", ()), wrong)])
+        from_items("mine", [Item("b", Labels("walk", "old", ()), wrong)])
 
 
 def test_lists_of_items_that_make_no_dataset():
     item = Item("a", Labels("walk", "old", ()), Made(0))
     with pytest.raises(mk.MotionKitError, match="two clips are called 'a'"):
-        of_items("mine", [item, item])
+        from_items("mine", [item, item])
     with pytest.raises(mk.MotionKitError, match="'mine' has no clips"):
-        of_items("mine", [])
+        from_items("mine", [])
 
 
 def test_options_are_the_readers(tmp_path):

@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from motionkit.methods.style_erd import ErdConfig, StyleErd
-from motionkit.methods.style_erd_stream import FastErd
+from motionkit.methods.style_erd_stream import NumpyStep
 
 SIZES = [ErdConfig.tiny(), ErdConfig.paper(), ErdConfig((8,), 6, 2, 2, (8,))]
 
@@ -29,7 +29,7 @@ def test_it_gives_the_networks_numbers(net, count):
     x = rng.normal(size=(count, 40, 50)).astype("f4")
     content, style = rng.integers(0, 3, count), rng.integers(0, 4, count)
     wanted = rng.random((count, 40, 4)).astype("f4")  # mixes and dials that change with every frame
-    fast, found = FastErd(net), []
+    fast, found = NumpyStep(net), []
     state = fast.begin(content)
     for n in range(40):
         out, state = fast.step(x[:, n], content, style, wanted[:, n], state)

@@ -31,13 +31,13 @@ def test_rebuilding_counts_all_parts_by_their_weights():
     rotations = (rot.identity_quaternion(2, 6, 5), turned)
     places, speeds = ((torch.zeros(2, 6, 5, 3), torch.full((2, 6, 5, 3), value)) for value in (2.0, 3.0))
     wanted = 5 * 0.2**2 + 0.5 * 15 * 4 + 15 * 9
-    found = style_erd.rebuilding_loss(rotations, places, speeds)
+    found = style_erd.reconstruction_loss(rotations, places, speeds)
     assert found.shape == (2, 6) and torch.allclose(found, torch.full((2, 6), wanted), atol=1e-3)
 
 
 def test_adversaries_want_what_the_paper_writes():
     real, fake = torch.tensor([1.0, 0.5]), torch.tensor([-1.0, 1.0])
-    assert style_erd.critic_loss(real, fake).item() == pytest.approx((0 + 0.25) / 2 + (0 + 4) / 2)
+    assert style_erd.discriminator_loss(real, fake).item() == pytest.approx((0 + 0.25) / 2 + (0 + 4) / 2)
     assert style_erd.adversarial_loss(fake).item() == pytest.approx(1.0)  # 0 is wanted, not 1
 
 
@@ -52,9 +52,9 @@ def test_the_penalty_is_the_slope_at_real_motions():
 
 def test_totals_have_the_papers_weights():
     frames = torch.tensor([[1.0, 2.0], [3.0, 6.0]])
-    total = style_erd.generator_total(frames, torch.tensor(5.0), torch.tensor(7.0))
+    total = style_erd.generator_objective(frames, torch.tensor(5.0), torch.tensor(7.0))
     assert total.item() == pytest.approx((3 + 9) / 2 + 5 + 0.7)
-    assert style_erd.critic_total(torch.tensor(1.0), torch.tensor(0.25)).item() == pytest.approx(33.0)
+    assert style_erd.discriminator_objective(torch.tensor(1.0), torch.tensor(0.25)).item() == pytest.approx(33.0)
     with pytest.raises(ValueError):
         style_erd.perceptual_loss([torch.zeros(1)], [])
     assert math.isclose(

@@ -8,7 +8,7 @@ import motionkit as mk
 from motionkit.actor import perform, retell
 from motionkit.arena.transfers import error_against
 from motionkit.methods.style_erd import StyleErdMethod
-from motionkit.methods.style_erd_new_style import NewBranch, learn_style
+from motionkit.methods.style_erd_new_style import StyleBranch, learn_style
 from motionkit.methods.style_erd_stream import ErdStream
 from motionkit.metrics import truth_error
 
@@ -98,7 +98,7 @@ def test_labels_are_guessed_and_a_clip_may_lend_its_style(walk):
 @pytest.mark.parametrize("skip", [False, True])
 def test_a_new_branch_stands_beside_the_others_which_stay(skip):
     model = small_model(skip=skip)
-    branch = NewBranch(model.network, like=2)
+    branch = StyleBranch(model.network, like=2)
     with torch.no_grad():
         branch.told += 0.3
     wider, x = branch.beside(), torch.randn(1, 6, 220)

@@ -6,38 +6,39 @@ import pytest
 import torch
 
 import motionkit as mk
-from motionkit.datasets import BvhSource, Item, Labels, of_items
+from motionkit.datasets import BvhSource, Item, Labels
+from motionkit.datasets.loading import from_items
 from motionkit.methods import style_erd
 from motionkit.methods import style_erd as recipes
 from motionkit.methods.style_erd import (
     ABLATIONS,
-    Course,
+    Config,
     ErdConfig,
-    ErdRecipe,
-    FtAttCritic,
-    MultiClassCritic,
+    FTAttDiscriminator,
+    MultiClassDiscriminator,
     Pair,
-    Pieces,
     StyleErd,
+    StyleErdLoss,
+    Windows,
+    evaluate_model,
     frames_of,
     lowest_foot,
-    measured,
     placed_positions,
     split,
-    train_contents,
+    train_content_classifier,
     train_erd,
     train_model,
 )
-from motionkit.methods.style_erd_stream import Guesses, Labeller, hits, train_labels
+from motionkit.methods.style_erd_stream import FrameClassifier, LabelTracker, label_accuracy, train_frame_classifier
 
-SMALL = ErdRecipe(ErdConfig.tiny(), steps=4, batch=6, rate=1e-3, fps=30.0)
+SMALL = Config(ErdConfig.tiny(), steps=4, batch=6, rate=1e-3, fps=30.0)
 
 
 def four_clips():
     """Four clips."""
     kinds = [("walk", "neutral"), ("walk", "old"), ("walk", "proud"), ("jump", "neutral")]
     paths = [(f"data/actor/{content}_{style}.bvh", content, style) for content, style in kinds]
-    return of_items("mine", [Item(path[11:-4], Labels(c, s, ()), BvhSource.at(path)) for path, c, s in paths])
+    return from_items("mine", [Item(path[11:-4], Labels(c, s, ()), BvhSource.at(path)) for path, c, s in paths])
 
 
 @pytest.fixture(scope="module")
@@ -47,15 +48,15 @@ def data():
 
 @pytest.fixture(scope="module")
 def course(data):
-    pieces = Pieces.of(data, 30.0)
-    return Course(pieces, data[0].motion.skeleton, train_contents(pieces, 22, steps=2, title=""), SMALL)
+    pieces = Windows.of(data, 30.0)
+    return StyleErdLoss(pieces, data[0].motion.skeleton, train_content_classifier(pieces, 22, steps=2, title=""), SMALL)
 
 
 @pytest.fixture
 def pair(course):
     torch.manual_seed(0)
     counts = len(course.pieces.contents), len(course.pieces.styles)
-    return Pair(StyleErd(22, *counts, SMALL.config), FtAttCritic(22, *counts), 0.5)
+    return Pair(StyleErd(22, *counts, SMALL.config), FTAttDiscriminator(22, *counts), 0.5)
 
 
 def test_windows_are_as_the_paper_cuts_them(data, course):
@@ -66,7 +67,7 @@ def test_windows_are_as_the_paper_cuts_them(data, course):
     assert torch.equal(pieces.x[0, 20:, :154], pieces.x[1, :4, :154])  # they overlap by four frames
     assert not pieces.x[:, 0, 154:].any() and pieces.x[:, 1, 154:].any()
     with pytest.raises(mk.MotionKitError, match="needs a neutral style"):
-        Pieces.of(data.filter(style="old"), 30.0)
+        Windows.of(data.filter(style="old"), 30.0)
 
 
 def test_a_run_up_is_what_the_clip_did_before_the_window(data, course):
@@ -76,19 +77,19 @@ def test_a_run_up_is_what_the_clip_did_before_the_window(data, course):
     before = pieces.run_up(torch.tensor([2]), 2)[0]
     assert torch.equal(before[1:], clip[1:40]) and not before[0, 154:].any()
     assert torch.equal(pieces.run_up(torch.tensor([2]), 1)[0, 1:], clip[21:40])
-    longer = Course(pieces, course.skeleton, course.contents, replace(SMALL, run_up=3))
+    longer = StyleErdLoss(pieces, course.skeleton, course.contents, replace(SMALL, run_up=3))
     torch.manual_seed(0)
     drawn = [longer.back() for _ in range(60)]
     assert set(drawn) == {0, 1, 2, 3} and 15 < drawn.count(0) < 45
     assert all(int(pieces.earlier[longer.draw(2)[0]].min()) >= 2 for _ in range(5))
-    cycle = Course(pieces, course.skeleton, course.contents, replace(SMALL, run_up=3, cycle=1.0))
+    cycle = StyleErdLoss(pieces, course.skeleton, course.contents, replace(SMALL, run_up=3, cycle=1.0))
     assert {one.back() for _ in range(9) for one in (course, cycle)} == {0}
 
 
 @pytest.fixture(scope="module")
 def twins(data):
-    pieces = Pieces.of(data, 30.0, registered=True)
-    return Course(pieces, data[0].motion.skeleton, train_contents(pieces, 22, steps=2, title=""), SMALL)
+    pieces = Windows.of(data, 30.0, registered=True)
+    return StyleErdLoss(pieces, data[0].motion.skeleton, train_content_classifier(pieces, 22, steps=2, title=""), SMALL)
 
 
 def test_twins_do_the_same_in_step(data, course, twins):
@@ -111,7 +112,7 @@ def test_twins_do_the_same_in_step(data, course, twins):
 def test_a_clip_that_nobody_does_neutrally_has_no_twin(data):
     kinds = [("walk", "neutral"), ("kick", "old")]
     clips = [Item(c, Labels(c, s, ()), BvhSource.at(f"data/actor/walk_{s}.bvh")) for c, s in kinds]
-    pieces = Pieces.of(of_items("mine", clips), 30.0, registered=True)
+    pieces = Windows.of(from_items("mine", clips), 30.0, registered=True)
     assert (pieces.twin == -1).all() and pieces.recorded == len(pieces.x)
 
 
@@ -144,13 +145,13 @@ def test_a_twin_is_the_right_answer_and_costs_nothing(twins, pair):
     for weight in (0.0, 1.0, 2.0):
         torch.manual_seed(3)
         rec = replace(SMALL, adversarial=False, perceptual=False, registered=weight)
-        found.append(float(Course(pieces, twins.skeleton, twins.contents, rec).loss(pair)))
+        found.append(float(StyleErdLoss(pieces, twins.skeleton, twins.contents, rec).loss(pair)))
     assert found[2] - found[1] == pytest.approx(found[1] - found[0], rel=1e-3) and found[1] > found[0]
 
 
 def test_with_a_run_up_it_learns_from_the_middle_of_streams(course, pair, monkeypatch):
-    seen, longer = [], Course(course.pieces, course.skeleton, course.contents, replace(SMALL, run_up=2))
-    monkeypatch.setattr(Course, "back", lambda self: 2)
+    seen, longer = [], StyleErdLoss(course.pieces, course.skeleton, course.contents, replace(SMALL, run_up=2))
+    monkeypatch.setattr(StyleErdLoss, "back", lambda self: 2)
     hear = pair.generator.hear
 
     def watched(x, *rest):
@@ -169,9 +170,9 @@ def test_what_trembles_costs_where_steadiness_counts(course, pair):
     for steady in (0.0, 3.0):
         torch.manual_seed(3)
         rec = replace(SMALL, adversarial=False, perceptual=False, steady=steady)
-        found.append(float(Course(course.pieces, course.skeleton, course.contents, rec).loss(pair)))
+        found.append(float(StyleErdLoss(course.pieces, course.skeleton, course.contents, rec).loss(pair)))
     torch.manual_seed(3)
-    chosen = Course(course.pieces, course.skeleton, course.contents, SMALL).draw()[0]
+    chosen = StyleErdLoss(course.pieces, course.skeleton, course.contents, SMALL).draw()[0]
     x, content, style = (part[chosen] for part in (course.pieces.x, course.pieces.content, course.pieces.style))
     turns = split(pair.generator(x, content, style, pair.generator.weights_of(style))[0])[0]
     came = x[..., 88:154].unflatten(-1, (22, 3))
@@ -217,7 +218,7 @@ def test_neither_network_learns_from_the_others_loss(course, pair):
     for name, changed in (("all", SMALL), ("rec", replace(SMALL, adversarial=False, perceptual=False))):
         pair.zero_grad()
         torch.manual_seed(1)
-        Course(course.pieces, course.skeleton, course.contents, changed).loss(pair).backward()
+        StyleErdLoss(course.pieces, course.skeleton, course.contents, changed).loss(pair).backward()
         both[name] = {key: None if w.grad is None else w.grad.clone() for key, w in pair.named_parameters()}
     assert all(grad is None for key, grad in both["rec"].items() if key.startswith("critic"))
     pair.zero_grad()
@@ -229,10 +230,10 @@ def test_neither_network_learns_from_the_others_loss(course, pair):
 
 
 def test_the_critic_has_a_rate_of_its_own(course, pair):
-    from motionkit.training import Schedule, fit
+    from motionkit.training import TrainConfig, fit
 
     before = {key: value.clone() for key, value in pair.state_dict().items()}
-    fit(pair, lambda model, step: course.loss(model), Schedule(1, 1e-3, decay=0.0, clip=1e6), title="")
+    fit(pair, lambda model, step: course.loss(model), TrainConfig(1, 1e-3, decay=0.0, clip=1e6), title="")
     moved = {key: float((value - before[key]).abs().max()) for key, value in pair.state_dict().items()}
     # Adam's first step is as long as the rate
     assert max(v for k, v in moved.items() if k.startswith("critic")) == pytest.approx(5e-4, rel=0.01)
@@ -240,21 +241,21 @@ def test_the_critic_has_a_rate_of_its_own(course, pair):
 
 
 def test_table_1_has_its_rows_and_each_leaves_out_its_part(data, course, monkeypatch):
-    full = replace(ErdRecipe.laptop(), registered=0.0, config=ErdConfig.paper())
+    full = replace(Config.laptop(), registered=0.0, config=ErdConfig.paper())
     assert list(ABLATIONS) == [
         "ours", "L_gen = L_rec", "L_gen = L_rec + L_adv", "L_gen = L_rec + L_per", "without attention",
         "without learned beginnings", "ours + twins", "ours + twins + skip",
     ]  # fmt: skip
-    assert ABLATIONS["ours + twins + skip"] == ErdRecipe.laptop()
+    assert ABLATIONS["ours + twins + skip"] == Config.laptop()
     assert ABLATIONS["ours"] == full and ABLATIONS["L_gen = L_rec + L_adv"] == replace(full, perceptual=False)
     made = []
-    for cls in (FtAttCritic, MultiClassCritic):
+    for cls in (FTAttDiscriminator, MultiClassDiscriminator):
         monkeypatch.setattr(recipes, cls.__name__, lambda *a, cls=cls: made.append(cls) or cls(*a))
     for changes in ({}, {"attention": False}, {"beginnings": False}):
         net, run, pieces = train_erd(data, replace(SMALL, **changes), contents=course.contents, title="")
         assert len(run.losses) == 4 and not net.training
         assert bool(net.neutral.hidden.any()) is changes.get("beginnings", True)
-    assert made == [FtAttCritic, MultiClassCritic, FtAttCritic]
+    assert made == [FTAttDiscriminator, MultiClassDiscriminator, FTAttDiscriminator]
 
 
 def test_rebuilding_is_learned(data, course):
@@ -264,7 +265,7 @@ def test_rebuilding_is_learned(data, course):
 
 
 def test_with_a_cycle_no_style_need_have_the_content(course, pair):
-    free = Course(course.pieces, course.skeleton, course.contents, replace(SMALL, cycle=1.0))
+    free = StyleErdLoss(course.pieces, course.skeleton, course.contents, replace(SMALL, cycle=1.0))
     torch.manual_seed(0)
     seen = set()
     for _ in range(40):
@@ -279,7 +280,7 @@ def test_with_a_cycle_no_style_need_have_the_content(course, pair):
     losses = []
     for recipe in (replace(SMALL, cycle=1.0), replace(SMALL, cycle=2.0)):
         torch.manual_seed(2)
-        losses.append(float(Course(course.pieces, course.skeleton, course.contents, recipe).loss(pair).detach()))
+        losses.append(float(StyleErdLoss(course.pieces, course.skeleton, course.contents, recipe).loss(pair).detach()))
     assert losses[1] > losses[0]
     net, run, _ = train_erd(four_clips(), replace(SMALL, cycle=1.0), contents=course.contents, title="")
     assert len(run.losses) == SMALL.steps and all(torch.isfinite(w).all() for w in net.parameters())
@@ -288,17 +289,20 @@ def test_with_a_cycle_no_style_need_have_the_content(course, pair):
 def test_a_model_is_trained_and_measured(data):
     model = train_model(data, SMALL, label_steps=3, title="")
     assert model.styles[0] == "neutral" and model.labeller is not None and model.card["batch"] == 6
-    found = measured(model, data)
+    found = evaluate_model(model, data)
     assert found["rebuilt_mm"] > 0 and set(found) == {"rebuilt_mm", "content", "style", "first_content", "first_style"}
     assert all(0 <= found[name] <= 100 for name in found if name != "rebuilt_mm")
     assert train_model(data, SMALL, label_steps=0, title="").labeller is None
 
 
 def test_labels_are_learned(data):
-    pieces = Pieces.of(data, 30.0, 60)
-    before, after = Labeller(22, 2, 3), train_labels(pieces, 22, steps=150, title="")
-    assert hits(after, pieces)["content"] > 85 and hits(after, pieces)["style"] > hits(before, pieces)["style"]
-    guesses = Guesses(after)
+    pieces = Windows.of(data, 30.0, 60)
+    before, after = FrameClassifier(22, 2, 3), train_frame_classifier(pieces, 22, steps=150, title="")
+    assert (
+        label_accuracy(after, pieces)["content"] > 85
+        and label_accuracy(after, pieces)["style"] > label_accuracy(before, pieces)["style"]
+    )
+    guesses = LabelTracker(after)
     for frame in pieces.x[int((pieces.content == pieces.contents.index("jump")).nonzero()[0])].numpy():
         guesses.hear(frame[None])
     assert pieces.contents[int(guesses.content[0])] == "jump"

@@ -8,7 +8,7 @@ from erd_small import CONTENTS, STYLES, small_model
 import motionkit as mk
 from motionkit.actor import perform
 from motionkit.methods.style_erd import ErdModel, frames_of, motion_from, split
-from motionkit.methods.style_erd_stream import ErdStream, Guesses, Labeller, QuickBody
+from motionkit.methods.style_erd_stream import ErdStream, FrameClassifier, LabelTracker, NumpyKinematics
 
 PLAIN = {"content": "walk", "own_style": "neutral"}
 
@@ -39,7 +39,7 @@ def run(stream, motion):
 
 def test_quick_kinematics_and_facing(walk):
     turned = walk.moved(2.5)
-    body, places = QuickBody(walk.skeleton), turned.positions()
+    body, places = NumpyKinematics(walk.skeleton), turned.positions()
     assert np.abs(body.places(turned.rotations.numpy(), turned.translations.numpy()) - places.numpy()).max() < 1e-5
     low = body.lowest_of(turned.rotations.numpy(), turned.translations.numpy())
     assert np.abs(low - body.lowest(places.numpy())).max() < 1e-5
@@ -166,13 +166,13 @@ def test_labels_that_nobody_says_are_guessed(model, walk, tmp_path):
     with pytest.raises(mk.MotionKitError, match="guesses no labels; say the content of what comes in: walk, jump"):
         ErdStream(model, "old")
     torch.manual_seed(1)
-    labeller = Labeller(22, len(CONTENTS), len(STYLES)).eval()
+    labeller = FrameClassifier(22, len(CONTENTS), len(STYLES)).eval()
     with torch.no_grad():  # whatever comes in, it says proud
         labeller.style.bias[2] += 9
     knowing = ErdModel(model.network, CONTENTS, STYLES, model.skeleton, 30.0, labeller)
     knowing = ErdModel.load(knowing.save(tmp_path / "erd.safetensors"))
     stream = ErdStream(knowing, "old")
-    guesses = Guesses(labeller)
+    guesses = LabelTracker(labeller)
     for n, x in enumerate(frames_of(walk).x.numpy()):
         stream(walk[n : n + 1])
         guesses.hear(x[None])
@@ -184,8 +184,8 @@ def test_labels_that_nobody_says_are_guessed(model, walk, tmp_path):
 
 def test_guesses_are_the_labellers_own(walk):
     torch.manual_seed(3)
-    labeller, x = Labeller(22, 4, 5).eval(), frames_of(walk).x
-    guesses, calm = Guesses(labeller), []
+    labeller, x = FrameClassifier(22, 4, 5).eval(), frames_of(walk).x
+    guesses, calm = LabelTracker(labeller), []
     with torch.no_grad():
         scores = labeller(x[None])[:2]
     for n in range(len(x)):

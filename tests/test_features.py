@@ -7,7 +7,7 @@ import torch
 import motionkit as mk
 from motionkit import rotations as rot
 from motionkit.features import FacingFree, Graph, HumanML3D, Normalizer, SixD, StyleERD, motion_from_positions
-from motionkit.features.canonical import body_frames, forward_difference, integrate
+from motionkit.features.canonical import canonicalize, forward_difference, integrate
 from motionkit.skeleton import Skeleton, smpl
 
 INVARIANT = [FacingFree, HumanML3D, StyleERD]
@@ -33,7 +33,7 @@ def long_walk(walk):
 def aligned(motion, layout):
     """The motion as it stands after decoding: above the origin, facing +Z by the layout's own facing direction."""
     if isinstance(layout, HumanML3D):
-        motion = motion.moved(-body_frames(motion, 20.0).yaw[0])
+        motion = motion.moved(-canonicalize(motion, 20.0).yaw[0])
         place = motion.root_path()[0]
         return motion.moved(offset=(-float(place[0]), 0.0, -float(place[1])))
     return motion if isinstance(layout, SixD) else motion.at_origin()
@@ -87,7 +87,7 @@ def test_facing_free_numbers_mean_what_the_table_says(walk):
     root = walk.positions()[:, 0]
     assert torch.allclose(x[:, 3], root[:, 1])
     yaw = walk.facing()
-    assert torch.allclose(x[:-1, 0], rot.wrap(yaw[1:] - yaw[:-1]), atol=1e-6)
+    assert torch.allclose(x[:-1, 0], rot.wrap_angle(yaw[1:] - yaw[:-1]), atol=1e-6)
     step = root[1:] - root[:-1]
     forward = step[:, 0] * torch.sin(yaw[:-1]) + step[:, 2] * torch.cos(yaw[:-1])
     assert torch.allclose(x[:-1, 2], forward, atol=1e-6) and (x[:, 2] > 0.01).all()
@@ -161,7 +161,7 @@ def test_humanml3d_velocities_contacts_and_turning_sign(walk):
     assert torch.equal(x[:-1, layout.slices["contacts"]].bool(), still) and still.any() and not still.all()
     assert x[:, 0].mean() < 0  # this clip turns left, and the format counts turns to the right
     assert (
-        abs(float(-2 * x[:-1, 0].sum()) - float(body_frames(slow, 20.0).yaw[-1] - body_frames(slow, 20.0).yaw[0]))
+        abs(float(-2 * x[:-1, 0].sum()) - float(canonicalize(slow, 20.0).yaw[-1] - canonicalize(slow, 20.0).yaw[0]))
         < 1e-4
     )
 
@@ -179,7 +179,7 @@ def test_humanml3d_rotations_rebuild_the_pose_from_the_root(walk):
         )
     )
     index = slow.skeleton.index
-    yaw = body_frames(slow, 20.0).yaw
+    yaw = canonicalize(slow, 20.0).yaw
     whole = rot.yaw_to_quaternion(-yaw)
     for name in ("left_hip", "left_knee", "left_ankle"):
         whole = rot.quaternion_multiply(whole, turns[index(name)])

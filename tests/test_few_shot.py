@@ -12,9 +12,18 @@ from motionkit.actor import perform, retell
 from motionkit.arena.transfers import error_against
 from motionkit.features import FacingFree
 from motionkit.layers import Denoiser, TransformerConfig, semantic_loss
-from motionkit.methods.few_shot import Adapter, Contents, LearnedStyle, Lesson, Recipe, blended, neutral_pair, teach
+from motionkit.methods.few_shot import (
+    ContentBank,
+    FinetuneTask,
+    LearnedStyle,
+    LoRA,
+    Recipe,
+    blend,
+    finetune,
+    neutral_pair,
+)
 from motionkit.methods.text_to_motion import Prior
-from motionkit.sampling import Chain
+from motionkit.sampling import PartialDiffusion
 
 PROMPT = "an old person is walking"
 
@@ -37,26 +46,26 @@ def walk():
 
 
 @pytest.fixture(scope="module")
-def lesson(prior, judge, walk) -> Lesson:
-    chain, chance = Chain.like_paper(prior.schedule), torch.Generator().manual_seed(0)
+def lesson(prior, judge, walk) -> FinetuneTask:
+    chain, chance = PartialDiffusion.like_paper(prior.schedule), torch.Generator().manual_seed(0)
     clean = torch.stack([prior.encode(walk[1])[:40], prior.encode(walk[1])[40:80]])
     noised = clean + 0.1 * torch.randn(clean.shape, generator=chance)
-    contents = Contents(clean, noised, ("a person is walking neutrally", "a person is kicking neutrally"))
+    contents = ContentBank(clean, noised, ("a person is walking neutrally", "a person is kicking neutrally"))
     styled, neutral = prior.encode(walk[0])[:40], prior.encode(walk[1])[:40]
-    return Lesson(prior, judge, chain, styled, neutral, PROMPT, "old", contents)
+    return FinetuneTask(prior, judge, chain, styled, neutral, PROMPT, "old", contents)
 
 
 def test_chain_has_the_papers_steps_in_any_schedule(prior):
     paper = mk.diffusion.NoiseSchedule.cosine(1000)
-    assert Chain.like_paper(paper).stops == (300, 250, 200, 150, 100, 50)  # section 4: K = 300 is 6 steps
-    stops = Chain.like_paper(prior.schedule).stops
+    assert PartialDiffusion.like_paper(paper).stops == (300, 250, 200, 150, 100, 50)  # section 4: K = 300 is 6 steps
+    stops = PartialDiffusion.like_paper(prior.schedule).stops
     assert len(stops) == 6
     for there, here in zip((300, 250, 200, 150, 100, 50), stops):
         assert abs(float(paper.log_snr[there] - prior.schedule.log_snr[here])) < 0.12
 
 
 def test_chain_forward_and_back_is_the_motion_again():
-    chain = Chain.like_paper(mk.diffusion.NoiseSchedule.cosine(1000), steps=200)
+    chain = PartialDiffusion.like_paper(mk.diffusion.NoiseSchedule.cosine(1000), steps=200)
     x, seen = torch.randn(2, 8, 3), torch.full((2, 8, 3), 0.5)
     noised = chain.forward(lambda x, t: seen, x)
     assert torch.allclose(chain.reverse(lambda x, t: seen, noised)[-1], seen)
@@ -64,7 +73,7 @@ def test_chain_forward_and_back_is_the_motion_again():
 
 
 def test_reverse_gives_every_prediction_and_gradients_through_all_steps():
-    chain = Chain.like_paper(mk.diffusion.NoiseSchedule.cosine(1000))
+    chain = PartialDiffusion.like_paper(mk.diffusion.NoiseSchedule.cosine(1000))
     noised = torch.randn(1, 4, 2, dtype=torch.float64)
 
     def last(a: torch.Tensor) -> torch.Tensor:
@@ -110,7 +119,7 @@ def test_pair_is_neutral_and_keeps_the_path(prior, walk):
     old, exact = walk
     found = neutral_pair(prior, old, PROMPT, steps=100)
     given = prior.encode(old)
-    kept = sampling.named(prior.layout, "root x velocity", "root z velocity")
+    kept = sampling.feature_mask(prior.layout, "root x velocity", "root z velocity")
     assert torch.equal(found[:, kept], given[:, kept])  # eq. 8
     made = FacingFree(old.skeleton, old.fps).decode(prior.normalizer.denormalize(found))
     assert error_against(made, exact) < 0.5 * error_against(old, exact)  # eq. 7
@@ -126,7 +135,7 @@ def test_adapter_changes_nothing_at_first_and_by_the_book_then():
     network = Denoiser(10, 16, TransformerConfig.tiny()).eval()
     x, t, words = torch.randn(2, 30, 10), torch.tensor([5, 900]), torch.randn(2, 16)
     for rank in (0, 4):
-        adapter = Adapter(network, rank)
+        adapter = LoRA(network, rank)
         assert torch.allclose(adapter(x, t, words), network(x, t, words), atol=1e-5)
         with torch.no_grad():
             for change in adapter.changes.values():
@@ -138,19 +147,19 @@ def test_adapter_changes_nothing_at_first_and_by_the_book_then():
         assert not torch.allclose(adapter(x, t, words), network(x, t, words), atol=1e-3)
         assert torch.allclose(adapter(x, t, words), adapter.frozen()(x, t, words), atol=1e-5)
     with pytest.raises(mk.MotionKitError, match="rank is a whole number"):
-        Adapter(network, -1)
+        LoRA(network, -1)
 
 
 @pytest.mark.parametrize("size", ["laptop", "paper"])
 def test_a_style_is_less_than_a_megabyte(size):
     network = Denoiser(199, 128, getattr(TransformerConfig, size)())
-    assert sum(2 * p.numel() for p in Adapter(network, Recipe.laptop().rank).parameters()) < 1e6
+    assert sum(2 * p.numel() for p in LoRA(network, Recipe.laptop().rank).parameters()) < 1e6
 
 
 def test_teaching_lowers_the_loss_and_leaves_the_prior_alone(lesson, prior, tmp_path):
     before = {name: weight.clone() for name, weight in prior.network.state_dict().items()}
     recipe = Recipe(steps=12, batch=2, rate=3e-3)
-    adapter, run = teach(lesson, recipe, title="")
+    adapter, run = finetune(lesson, recipe, title="")
     assert run.losses[-1] < 0.7 * run.losses[0]
     assert all(torch.equal(before[name], weight) for name, weight in prior.network.state_dict().items())
     with torch.no_grad():
@@ -162,14 +171,14 @@ def test_teaching_lowers_the_loss_and_leaves_the_prior_alone(lesson, prior, tmp_
 
     kept = tmp_path / "old.run"
     with pytest.raises(KeyboardInterrupt):
-        teach(lesson, recipe, title="", keep=kept, show=stop)
-    again, _ = teach(lesson, recipe, title="", keep=kept)
+        finetune(lesson, recipe, title="", keep=kept, show=stop)
+    again, _ = finetune(lesson, recipe, title="", keep=kept)
     assert all(torch.equal(a, b) for a, b in zip(adapter.parameters(), again.parameters()))
 
 
 def test_the_semantic_loss_counts(lesson):
-    with_meaning, _ = teach(lesson, Recipe(steps=3, batch=2), title="")
-    without, run = teach(lesson, Recipe(steps=3, batch=2, weights=(1.0, 0.0)), title="")
+    with_meaning, _ = finetune(lesson, Recipe(steps=3, batch=2), title="")
+    without, run = finetune(lesson, Recipe(steps=3, batch=2, weights=(1.0, 0.0)), title="")
     assert any(not torch.equal(a, b) for a, b in zip(with_meaning.parameters(), without.parameters()))
     assert run.losses[0] == pytest.approx(float(lesson.example_loss(lesson.prior.network).detach()), rel=1e-3)
 
@@ -178,7 +187,7 @@ def test_the_semantic_loss_counts(lesson):
 def styles(lesson, prior) -> list[LearnedStyle]:
     found = []
     for seed, name in ((0, "old"), (1, "proud")):
-        adapter = Adapter(prior.network, 4, seed)
+        adapter = LoRA(prior.network, 4, seed)
         with torch.no_grad():
             for change in adapter.changes.values():
                 change.add_(0.01 * torch.randn(change.shape, generator=torch.Generator().manual_seed(seed)))
@@ -217,7 +226,7 @@ def test_blending_is_a_weighted_sum_and_the_rest_is_the_prior(styles, prior):
             ((0.4, 0.0), 0.4 * old + 0.6 * plain),
             ((1.5, -0.5), 1.5 * old - 0.5 * proud),
         ):
-            found = blended(dict(zip(styles, weights)), caption, base)(x, t)
+            found = blend(dict(zip(styles, weights)), caption, base)(x, t)
             assert torch.allclose(found, expected, atol=1e-4)
 
 

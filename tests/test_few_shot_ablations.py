@@ -7,7 +7,8 @@ import torch
 
 import motionkit as mk
 from motionkit.actor import perform
-from motionkit.datasets import BvhSource, Item, Labels, of_items
+from motionkit.datasets import BvhSource, Item, Labels
+from motionkit.datasets.loading import from_items
 from motionkit.methods import few_shot as ae
 from motionkit.methods.few_shot import (
     ABLATIONS,
@@ -29,7 +30,7 @@ def clip(name, content, style, *texts):
 
 @pytest.fixture(scope="module")
 def library():
-    return of_items(
+    return from_items(
         "mine",
         [
             clip("walk_neutral", "walk", "neutral", "a person is walking"),
@@ -110,7 +111,7 @@ def test_sweeps_have_figure_8s_ends(method, library):
 
 
 def test_sweeps_refuse_clips_without_captions(method):
-    mute = of_items("mute", [clip("walk_old", "walk", "old")])
+    mute = from_items("mute", [clip("walk_old", "walk", "old")])
     with pytest.raises(mk.MotionKitError, match="'walk_old' without one"):
         sweep_noise(method, list(mute))
 

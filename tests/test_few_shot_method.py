@@ -8,9 +8,10 @@ import torch
 import motionkit as mk
 from motionkit.actor import perform, retell
 from motionkit.arena.transfers import error_against
-from motionkit.datasets import BvhSource, Item, Labels, of_items
+from motionkit.datasets import BvhSource, Item, Labels
+from motionkit.datasets.loading import from_items
 from motionkit.layers import Denoiser
-from motionkit.methods.few_shot import Adapter, LearnedStyle, Recipe
+from motionkit.methods.few_shot import LearnedStyle, LoRA, Recipe
 
 QUICK = Recipe(steps=2, batch=1, pair_steps=10)
 
@@ -18,7 +19,7 @@ QUICK = Recipe(steps=2, batch=1, pair_steps=10)
 @pytest.fixture(scope="module")
 def library():
     path = "data/actor/walk_neutral.bvh"
-    return of_items("mine", [Item("walk", Labels("walk", "neutral", ("a person is walking",)), BvhSource.at(path))])
+    return from_items("mine", [Item("walk", Labels("walk", "neutral", ("a person is walking",)), BvhSource.at(path))])
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def method(library):
 @pytest.fixture(scope="module")
 def plain(method) -> LearnedStyle:
     """A style that changes nothing in the prior."""
-    return LearnedStyle(method.prior, Adapter(method.prior.network, 1), method.chain, "an old person walks", "old")
+    return LearnedStyle(method.prior, LoRA(method.prior.network, 1), method.chain, "an old person walks", "old")
 
 
 def test_learn_then_stylize(method):
@@ -103,7 +104,7 @@ def test_content_that_is_styled_is_made_neutral_first():
     made = perform("walk", "old", seed=5, seconds=4.0)
     exact = retell(made, "neutral").along(made)
     slow = mk.methods.load("few-shot", library=None, recipe=Recipe(pair_steps=100))
-    style = LearnedStyle(slow.prior, Adapter(slow.prior.network, 1), slow.chain, "an old person walks", "old")
+    style = LearnedStyle(slow.prior, LoRA(slow.prior.network, 1), slow.chain, "an old person walks", "old")
     style.predict = lambda caption: slow.prior.predict([caption], 1.0)
     how = {"caption": "a person is walking", "lock": False}
     as_it_is = slow.stylize(made.motion, style=style, **how)
@@ -129,7 +130,7 @@ def test_another_skeleton_is_retargeted(method, plain, captures_dir):
 def test_a_library_on_another_skeleton_serves_the_semantic_loss(captures_dir):
     path = captures_dir / "dataset-2_walk_normal_001.bvh"
     item = Item("walk", Labels("walk", "normal", ("a person is walking",)), BvhSource.at(path))
-    method = mk.methods.load("few-shot", library=of_items("captured", [item]), recipe=QUICK)
+    method = mk.methods.load("few-shot", library=from_items("captured", [item]), recipe=QUICK)
     learned = method.learn(mk.load("data/actor/walk_old.bvh"), "an old person walks", title="")
     assert learned.style == "old" and method._neutral_contents().clean.shape[2] == method.prior.layout.size
 
@@ -205,7 +206,7 @@ def test_nothing_learned_yet_and_another_prior(library, plain):
     with pytest.raises(mk.MotionKitError, match="no style was learned yet"):
         fresh.stylize(walk)
     other = replace(fresh.prior, network=Denoiser(199, fresh.prior.encoder.size, fresh.prior.network.config))
-    theirs = LearnedStyle(other, Adapter(other.network, 1), fresh.chain, "an old person walks", "old")
+    theirs = LearnedStyle(other, LoRA(other.network, 1), fresh.chain, "an old person walks", "old")
     with pytest.raises(mk.MotionKitError, match="another prior"):
         fresh.stylize(walk, style=theirs)
     assert len(fresh.stylize(walk, style=plain)) == len(walk)  # loaded twice, but the same weights

@@ -7,13 +7,14 @@ import torch
 
 import motionkit as mk
 from motionkit import checkpoints, judges, metrics
-from motionkit.datasets import Labels, Split, of_items, performed
+from motionkit.datasets import Labels, Split, performed
+from motionkit.datasets.loading import from_items
 from motionkit.datasets.performed import ActorSource
 from motionkit.datasets.sources import Item, Recording
-from motionkit.judges import cut, joint_numbers, joint_turns
+from motionkit.judges import cut, joint_features, joint_rotations
 from motionkit.layers import StGcnConfig
 from motionkit.rotations import normalize, quaternion_angle
-from motionkit.training import Schedule
+from motionkit.training import TrainConfig
 
 KINDS = [("walk", "neutral"), ("walk", "old"), ("bow", "neutral"), ("bow", "old")]
 
@@ -28,20 +29,20 @@ def small() -> Split:
             for c, s in KINDS
             for n in takes
         ]
-        found.append(of_items(f"small-{part}", items))
+        found.append(from_items(f"small-{part}", items))
     return Split(found[0], found[1][:0], found[1])
 
 
 @pytest.fixture(scope="module")
 def judge(small) -> judges.Classifier:
-    return judges.train_classifier("content", small, StGcnConfig.tiny(), Schedule(40, rate=1e-2), title="")
+    return judges.train_classifier("content", small, StGcnConfig.tiny(), TrainConfig(40, rate=1e-2), title="")
 
 
 def test_it_learns_and_says_what_it_has_learned(small, judge):
     assert judge.labels == ("bow", "walk") and judge.accuracy(small.train) == 100
     assert judge.card["metrics"] == {"test_accuracy": judge.accuracy(small.test)} and judge.card["seed"] == 0
     assert judge.card["licence"] == "MIT" and judge.card["training_clips"] == 8
-    again = judges.train_classifier("content", small, StGcnConfig.tiny(), Schedule(40, rate=1e-2), title="")
+    again = judges.train_classifier("content", small, StGcnConfig.tiny(), TrainConfig(40, rate=1e-2), title="")
     clips = [clip.motion for clip in small.test]
     assert torch.equal(again.scores(clips), judge.scores(clips))  # the seed says all of it
 
@@ -63,8 +64,8 @@ def test_a_motion_gets_the_mean_over_its_windows(small, judge):
 def test_what_judges_see_does_not_depend_on_where_a_motion_is(small, judge):
     motion = small.test[0].motion
     there = motion.moved(2.0, (3.0, 0.0, -1.0))
-    assert torch.allclose(joint_numbers(motion), joint_numbers(there), atol=1e-4)
-    assert quaternion_angle(joint_turns(motion), joint_turns(there)).max() < 1e-3
+    assert torch.allclose(joint_features(motion), joint_features(there), atol=1e-4)
+    assert quaternion_angle(joint_rotations(motion), joint_rotations(there)).max() < 1e-3
     assert torch.allclose(judge.scores([motion]), judge.scores([there]), atol=1e-3)
     twice = motion.resample(60)
     assert (judge.scores([twice]) - judge.scores([motion])).abs().max() < 0.1
@@ -109,7 +110,7 @@ def test_bad_input_is_told(small, judge):
         judge.ids(["walk", "fly"])
     with pytest.raises(mk.MotionKitError, match="one content only"):
         only = small.train.filter(content="walk")
-        walks = of_items("walks", [Item("a", Labels("walk", "old", ()), ActorSource("walk", "old", 1, 1, 4.0))])
+        walks = from_items("walks", [Item("a", Labels("walk", "old", ()), ActorSource("walk", "old", 1, 1, 4.0))])
         assert len(only) == 4
         judges.train_classifier("content", Split(walks, walks[:0], walks[:0]))
 
@@ -142,15 +143,17 @@ def test_a_single_frame_cannot_tell_which_way_the_film_runs():
     for part, takes in (("learn", range(6)), ("unseen", range(6, 9))):
         pairs = [(n, "forwards", ActorSource) for n in takes] + [(n, "backwards", Reversed) for n in takes]
         items = [Item(f"{how}_{n}", Labels("walk", how, ()), kind("walk", "old", n, n, 4.0)) for n, how, kind in pairs]
-        parts.append(of_items(part, items))
+        parts.append(from_items(part, items))
     split = Split(parts[0], parts[0][:0], parts[1])
-    assert judges.single_frame_accuracy("style", split, Schedule(20, rate=1e-2), title="") == pytest.approx(50, abs=2)
-    moving = judges.train_classifier("style", split, StGcnConfig.tiny(), Schedule(80, rate=1e-2), title="")
+    assert judges.single_frame_accuracy("style", split, TrainConfig(20, rate=1e-2), title="") == pytest.approx(
+        50, abs=2
+    )
+    moving = judges.train_classifier("style", split, StGcnConfig.tiny(), TrainConfig(80, rate=1e-2), title="")
     assert moving.accuracy(split.test) == 100
 
 
 def test_the_autoencoder_takes_noise_away(small, tmp_path):
-    made_one = judges.train_autoencoder(small, Schedule(150, rate=3e-3), title="")
+    made_one = judges.train_autoencoder(small, TrainConfig(150, rate=3e-3), title="")
     found = made_one.card["metrics"]
     assert (
         0 < found["test_degrees"] < 25 and 4 < found["noise_degrees"] < 7
@@ -181,7 +184,7 @@ def test_the_denoising_loss_is_the_angle_to_the_clean_rotation():
 def test_the_command_trains_all_three_and_load_finds_them(tmp_path, monkeypatch, small):
     monkeypatch.setenv("MOTIONKIT_CHECKPOINTS", str(tmp_path))
     monkeypatch.setattr(judges, "single_frame_accuracy", lambda *_, **__: 50.0)
-    whole = of_items("whole", [Item(c.name, c.labels, ActorSource(c.content, c.style, n, 40 + n, 5.0))
+    whole = from_items("whole", [Item(c.name, c.labels, ActorSource(c.content, c.style, n, 40 + n, 5.0))
                                for part in (small.train, small.test) for n, c in enumerate(part)])  # fmt: skip
     monkeypatch.setattr(type(whole), "split", lambda self: small)
     for part in judges.PARTS:
@@ -211,7 +214,7 @@ def test_cards_reach_the_figures_and_say_all(name, label):
 def test_the_shipped_actor_judge_keeps_its_cards_word():
     """Every second of the test clips, made anew."""
     items = [item for item in performed.items("actor") if item.labels.split == "test"][::2]
-    clips = of_items("actor", items)
+    clips = from_items("actor", items)
     judge = judges.load("actor")
     for label in ("content", "style"):
         found = getattr(judge, label).accuracy(clips)

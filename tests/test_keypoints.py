@@ -8,7 +8,7 @@ import torch
 import motionkit as mk
 from motionkit import rotations as rot
 from motionkit.actor import perform
-from motionkit.video import filled, motion_from_keypoints, smoothed
+from motionkit.video import fill_gaps, lowpass, motion_from_keypoints
 
 COCO = [f"{s}_{r}" for r in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist") for s in ("left", "right")]
 
@@ -45,7 +45,7 @@ def test_limbs_come_back(walk):
 @pytest.mark.parametrize("up", [(0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)])
 def test_any_axis_may_be_up(walk, up):
     points = seen(walk, COCO)
-    turn = rot.between(torch.tensor([0.0, 1.0, 0.0]), torch.tensor(up))
+    turn = rot.rotation_between(torch.tensor([0.0, 1.0, 0.0]), torch.tensor(up))
     turned = 100 * rot.quaternion_rotate(turn.expand(*points.shape[:2], 4), points)  # and centimetres
     found, same = (motion_from_keypoints(p, COCO, 30) for p in (turned, points))
     assert gap(found, same) < 1e-3
@@ -54,7 +54,7 @@ def test_any_axis_may_be_up(walk, up):
 def test_noise_is_taken_out(walk):
     points = seen(walk, COCO)
     noisy = points + 0.02 * torch.randn(points.shape, generator=torch.Generator().manual_seed(0))
-    still = smoothed(noisy, 30)
+    still = lowpass(noisy, 30)
     assert float((still - points).norm(dim=-1).mean()) < 0.75 * float((noisy - points).norm(dim=-1).mean())
     calm, raw = (mk.metrics.jitter(motion_from_keypoints(noisy, COCO, 30, cutoff=c)) for c in (3.0, 14.0))
     assert calm < 0.3 * raw
@@ -65,14 +65,14 @@ def test_butterworth_halves_the_power_at_its_cutoff_twice():
     time = torch.arange(600) / 30
     for hertz, share in ((0.3, 1.0), (3.0, 0.5), (9.0, 0.0)):
         wave = torch.sin(2 * math.pi * hertz * time)[:, None]
-        assert float(smoothed(wave, 30)[150:450].abs().max()) == pytest.approx(share, abs=0.03)
+        assert float(lowpass(wave, 30)[150:450].abs().max()) == pytest.approx(share, abs=0.03)
 
 
 def test_short_gaps_are_filled_and_long_ones_refused(walk):
     points = seen(walk, COCO).clone()
     points[40:49, 2] = math.nan  # 0.3 s
     points[0, 3] = math.nan
-    whole = filled(points, COCO, 30)
+    whole = fill_gaps(points, COCO, 30)
     assert whole.isfinite().all()
     assert torch.allclose(whole[44, 2], (5 * points[39, 2].double() + 5 * points[49, 2].double()) / 10, atol=1e-6)
     assert torch.equal(whole[0, 3], points[1, 3].double())

@@ -18,7 +18,7 @@ from motionkit.layers import (
     semantic_loss,
     sinusoids,
 )
-from motionkit.training import Schedule, fit
+from motionkit.training import TrainConfig, fit
 
 TINY, FRAME = TransformerConfig.tiny(), TransformerConfig(32, 2, 2, 64, frames_per_token=1, frames=40, dropout=0.0)
 CONFIGS = pytest.mark.parametrize("config", [TINY, FRAME], ids=["four frames a token", "one"])
@@ -157,7 +157,7 @@ def test_the_discriminator_has_the_priors_embedding_and_leaves_it():
     assert torch.equal(dis.embedding(x), prior.embedding(x))
     start = {name: p.detach().clone() for name, p in dis.named_parameters()}
     text = some(4, 16)
-    fit(dis, lambda model, _: semantic_loss(model(x), text), Schedule(5, decay=0.1, average=0.9), title="")
+    fit(dis, lambda model, _: semantic_loss(model(x), text), TrainConfig(5, decay=0.1, average=0.9), title="")
     moved = {name for name, p in dis.named_parameters() if not torch.equal(p, start[name])}
     assert moved == {name for name in start if not name.startswith("embedding.")}
     assert torch.equal(dis.embedding(x), prior.embedding(x)) and prior.embedding.linear.weight.requires_grad
@@ -186,7 +186,7 @@ def test_a_denoiser_overfits_one_clip():
     def loss_of(model: nn.Module, step: int) -> torch.Tensor:
         return simple_loss(lambda noisy, t: model(noisy, t, torch.zeros(8, 4)), x, noise)
 
-    run = fit(network, loss_of, Schedule(150, rate=6e-3), title="")
+    run = fit(network, loss_of, TrainConfig(150, rate=6e-3), title="")
     assert sum(run.losses[-10:]) < 0.1 * sum(run.losses[:10])
 
 

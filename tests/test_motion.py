@@ -213,7 +213,7 @@ def test_moving_turns_about_the_origin_then_shifts():
     x, y, z = m.positions().unbind(-1)
     assert torch.allclose(moved.positions(), torch.stack((z, y + 0.5, -x + 3.0), -1), atol=1e-6)
     assert torch.allclose(
-        rot.wrap(moved.facing() - m.facing() - PI / 2), torch.zeros(60, dtype=torch.float64), atol=1e-6
+        rot.wrap_angle(moved.facing() - m.facing() - PI / 2), torch.zeros(60, dtype=torch.float64), atol=1e-6
     )
 
 

@@ -10,18 +10,19 @@ import torch
 
 import motionkit as mk
 from motionkit import sampling, text
-from motionkit.datasets import BvhSource, Item, Labels, of_items
-from motionkit.datasets.batches import LEAST, ROOT, fitted
+from motionkit.datasets import BvhSource, Item, Labels
+from motionkit.datasets.batches import _LEAST_SPREAD, _ROOT_WEIGHT, fit_normalizer
+from motionkit.datasets.loading import from_items
 from motionkit.diffusion import NoiseSchedule
 from motionkit.features.facing_free import OfBody
 from motionkit.files import MotionKitWarning
 from motionkit.layers import TransformerConfig
 from motionkit.methods import text_to_motion
-from motionkit.methods.text_to_motion import Discriminator, Prior, Sentences, known_sentences
-from motionkit.metrics import recalls
+from motionkit.methods.text_to_motion import Discriminator, Prior, Sentences, ood_captions
+from motionkit.metrics import recall_at_k
 from motionkit.text.encoders import TextEncoder, content_key
-from motionkit.text.train import meanings, nonsense, texts_of
-from motionkit.training import Schedule
+from motionkit.text.train import meanings, nonsense, texts_for
+from motionkit.training import TrainConfig
 
 ACTOR = Path(__file__).resolve().parent.parent / "data" / "actor"
 SMALL = TransformerConfig(32, 1, 2, 32, frames_per_token=4, frames=48, dropout=0.0)
@@ -51,9 +52,9 @@ def clips(tmp_path_factory):
         items = []
         for content, style in (("walk", "old"), ("walk", "angry"), ("run", "angry")):
             source = BvhSource.at(ACTOR / f"{content}_{style}.bvh")
-            said = texts_of(content, style)[:3]
+            said = texts_for(content, style)[:3]
             items += [Item(f"{content}_{style}_{n}", Labels(content, style, said, take=f"{n}"), source) for n in (0, 1)]
-        yield of_items("six", items)
+        yield from_items("six", items)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +65,7 @@ def split(clips):
 @pytest.fixture(scope="module")
 def prior(split):
     """Hardly trained, of one layer, with 20 steps of noise."""
-    schedule = Schedule(6, average=0.5)
+    schedule = TrainConfig(6, average=0.5)
     return text_to_motion.train_prior(
         split, Letters(), SMALL, schedule, noise=NoiseSchedule.cosine(20), batch=6, title=""
     )
@@ -72,7 +73,7 @@ def prior(split):
 
 @pytest.fixture(scope="module")
 def judge(split, prior):
-    return text_to_motion.train_discriminator(split, prior, Schedule(40, rate=3e-3), batch=6, title="")
+    return text_to_motion.train_discriminator(split, prior, TrainConfig(40, rate=3e-3), batch=6, title="")
 
 
 @pytest.fixture
@@ -108,25 +109,25 @@ def test_captions_of_a_clip_are_drawn_for_it(clips):
 
 
 def test_clips_without_captions_are_named(clips):
-    mute = of_items("mute", [Item("walk_1", Labels("walk", "old", ()), BvhSource.at(ACTOR / "walk_old.bvh"))])
+    mute = from_items("mute", [Item("walk_1", Labels("walk", "old", ()), BvhSource.at(ACTOR / "walk_old.bvh"))])
     with pytest.raises(mk.MotionKitError, match="clip 'walk_1' has no caption"):
         Sentences.of(mute, Letters())
     with pytest.raises(mk.MotionKitError, match="clip 'walk_1' has no caption"):
-        text_to_motion.train_prior(mk.datasets.Split(mute, mute, mute), Letters(), SMALL, Schedule(1), title="")
+        text_to_motion.train_prior(mk.datasets.Split(mute, mute, mute), Letters(), SMALL, TrainConfig(1), title="")
 
 
 def test_the_normalizer_has_floors_and_weighs_the_root(clips):
-    encoded, found = fitted(clips)
+    encoded, found = fit_normalizer(clips)
     rows = torch.cat([encoded.layout.encode(clip.motion) for clip in clips]).double()
     plain, parts = rows.std(0, correction=0), encoded.layout.slices
     assert torch.allclose(found.mean.double(), rows.mean(0), atol=1e-4)
     for name in ("positions", "rotations"):
         std, part = found.std[parts[name]].double(), plain[parts[name]]
-        least = LEAST * part.square().mean().sqrt()
+        least = _LEAST_SPREAD * part.square().mean().sqrt()
         assert torch.allclose(std, part.clamp(min=float(least)), rtol=1e-3) and (part < least).any()
-    speed = plain[1:3].clamp(min=float(LEAST * plain[1:3].square().mean().sqrt()))
-    assert torch.allclose(found.std[1:3].double(), speed / ROOT, rtol=1e-3)
-    assert found.std[0].item() == pytest.approx(plain[0].item() / ROOT, rel=1e-3)
+    speed = plain[1:3].clamp(min=float(_LEAST_SPREAD * plain[1:3].square().mean().sqrt()))
+    assert torch.allclose(found.std[1:3].double(), speed / _ROOT_WEIGHT, rtol=1e-3)
+    assert found.std[0].item() == pytest.approx(plain[0].item() / _ROOT_WEIGHT, rel=1e-3)
 
 
 def on_the_ground(motion: mk.Motion) -> mk.Motion:
@@ -156,38 +157,38 @@ def some(count: int, size: int, seed: int = 0) -> torch.Tensor:
 
 def test_recall_with_known_answers():
     ones = torch.eye(40)
-    assert recalls(ones, ones, range(40)) == {"r1": 100.0, "r3": 100.0}
-    assert recalls(-ones, ones, range(40)) == {"r1": 0.0, "r3": 0.0}  # the own sentence is the farthest
+    assert recall_at_k(ones, ones, range(40)) == {"r1": 100.0, "r3": 100.0}
+    assert recall_at_k(-ones, ones, range(40)) == {"r1": 0.0, "r3": 0.0}  # the own sentence is the farthest
     second = ones + 2 * ones.roll(1, 0)
-    found = recalls(second, ones, range(40), among=40)
+    found = recall_at_k(second, ones, range(40), among=40)
     assert found == {"r1": 0.0, "r3": 100.0}
-    by_chance = recalls(some(500, 16), some(500, 16, 1), range(500), rounds=200)
+    by_chance = recall_at_k(some(500, 16), some(500, 16, 1), range(500), rounds=200)
     assert by_chance["r1"] == pytest.approx(100 / 32, abs=1.0) and by_chance["r3"] == pytest.approx(300 / 32, abs=1.5)
 
 
 def test_recall_of_who_says_the_same_of_all_is_chance():
     same = torch.ones(40, 4)
     for motions, texts in ((same, same), (some(40, 4), same)):
-        assert recalls(motions, texts, range(40)) == {"r1": round(100 / 32, 2), "r3": round(300 / 32, 2)}
+        assert recall_at_k(motions, texts, range(40)) == {"r1": round(100 / 32, 2), "r3": round(300 / 32, 2)}
 
 
 def test_recall_counts_no_sentence_of_the_same_meaning_as_wrong():
     groups = [n // 2 for n in range(80)]
     vectors = torch.eye(40).repeat_interleave(2, 0)  # both of a group are alike
-    assert recalls(vectors, vectors, groups)["r1"] == 100.0
+    assert recall_at_k(vectors, vectors, groups)["r1"] == 100.0
     with pytest.raises(mk.MotionKitError, match="among 32 needs pairs of as many groups; found 3"):
-        recalls(vectors, vectors, [n % 3 for n in range(80)])
+        recall_at_k(vectors, vectors, [n % 3 for n in range(80)])
 
 
 def test_known_sentences_and_how_near_a_prompt_should_be(clips):
-    known, least = known_sentences(clips, Letters())
+    known, least = ood_captions(clips, Letters())
     assert set(known) <= {sentence for clip in clips for sentence in clip.texts} and len(known) == 9
     encoder = Letters()
     vectors = encoder.encode(known)
     assert 0 < least < 1 and float(text.similarity(encoder.encode(list(known)), vectors).amax(1).min()) > least
     odd = [nonsense(random.Random(n)) for n in range(100)]
     assert (text.similarity(encoder.encode(odd), vectors).amax(1) < least).float().mean() > 0.6
-    assert known_sentences(clips, Letters()) == (known, least)
+    assert ood_captions(clips, Letters()) == (known, least)
 
 
 def test_meanings_are_told_apart():
@@ -201,7 +202,7 @@ def test_training_learns_and_says_how_it_was_made(prior, clips, split):
     assert card["steps"] == 6 and card["batch"] == 6 and card["drop"] == 0.1 and card["training_clips"] == 6
     assert card["parameters"] == sum(p.numel() for p in prior.network.parameters()) and prior.guided
     losses = []
-    text_to_motion.train_prior(split, Letters(), SMALL, Schedule(60, rate=5e-3), batch=6, title="",
+    text_to_motion.train_prior(split, Letters(), SMALL, TrainConfig(60, rate=5e-3), batch=6, title="",
                        show=lambda _, loss: losses.append(loss))  # fmt: skip
     assert sum(losses[-10:]) < 0.7 * sum(losses[:10])
 
@@ -212,7 +213,7 @@ def test_a_bad_clip_is_named(split):
             return super().encode(texts) * torch.nan
 
     with pytest.raises(mk.MotionKitError, match=r"the loss of step 0 is nan.*its batch: \d+ frames of (walk|run)_"):
-        text_to_motion.train_prior(split, Broken(), SMALL, Schedule(2), batch=3, title="")
+        text_to_motion.train_prior(split, Broken(), SMALL, TrainConfig(2), batch=3, title="")
 
 
 def test_files_give_the_prior_back_with_16_bits(prior, saved):
@@ -265,7 +266,7 @@ def test_guidance_and_the_sentence_change_the_motion(prior):
 
 def test_what_is_inpainted_is_kept(prior, clips):
     known = prior.encode(clips[0].motion)[:30]
-    where = sampling.named(prior.layout, "root")
+    where = sampling.feature_mask(prior.layout, "root")
     last: dict[int, torch.Tensor] = {}
     inside, seen = sampling.inpainting(known, where), lambda step, x, x0: last.update({step: x[0]})
     kept = make(prior, inpaint=inside, callback=seen)[0]
@@ -296,7 +297,7 @@ def test_bad_lengths(prior, seconds):
 
 
 def test_guidance_needs_a_prior_that_did_without_sentences(split):
-    deaf = text_to_motion.train_prior(split, Letters(), SMALL, Schedule(1), drop=0.0, batch=2, title="")
+    deaf = text_to_motion.train_prior(split, Letters(), SMALL, TrainConfig(1), drop=0.0, batch=2, title="")
     with pytest.raises(mk.MotionKitError, match="take scale=1, or train one with drop above 0"):
         make(deaf)
     assert len(make(deaf, scale=1)) == 1

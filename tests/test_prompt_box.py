@@ -55,7 +55,7 @@ def test_it_shows_what_the_prior_makes(box, prior):
 def test_every_control_is_followed(box, prior, name, value, more):
     before = box.motion
     box.controls[name].value = value
-    asked = {"prompts": "a person walks", "seconds": 1.0, "scale": text_to_motion.SCALE, "seed": 0}
+    asked = {"prompts": "a person walks", "seconds": 1.0, "scale": text_to_motion.GUIDANCE_SCALE, "seed": 0}
     asked["prompts" if name == "prompt" else name] = value
     assert same(box.motion, prior.generate(**asked, steps=2)[0]) and not same(box.motion, before)
     assert box.player.motions[0] is box.motion

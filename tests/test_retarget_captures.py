@@ -68,7 +68,7 @@ def test_captures_come_out_as_bodies(clips):
         ahead = rot.quaternion_rotate(
             result.world_rotations()[:, 15], torch.tensor([0.0, 0.0, 1.0]).expand(len(result), 3)
         )
-        aside = rot.wrap(rot.direction_to_yaw(ahead) - result.facing())
+        aside = rot.wrap_angle(rot.direction_to_yaw(ahead) - result.facing())
         assert aside.median().abs() < torch.pi / 4
 
 

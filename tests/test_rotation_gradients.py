@@ -46,7 +46,7 @@ OF_QUATERNIONS = {
     "swing and twist": lambda q: torch.cat(rot.swing_twist(q, torch.tensor([0, 1, 0], dtype=q.dtype)), -1),
     "yaw": rot.quaternion_to_yaw,
     "normalize": rot.normalize,
-    "unroll": lambda q: rot.unroll(torch.stack((q, -q, q))),
+    "unroll": lambda q: rot.quaternion_unroll(torch.stack((q, -q, q))),
     "rotate": lambda q: rot.quaternion_rotate(q, torch.tensor([1, 2, 3], dtype=q.dtype)),
     **{order: lambda q, order=order: rot.quaternion_to_euler(q, order) for order in ORDERS},
 }
@@ -71,14 +71,14 @@ OF_VECTORS = {
     "exp": rot.exp_map,
     "exp and back": lambda x: rot.log_map(rot.exp_map(x)),
     "normalize": rot.normalize,
-    "perpendicular": rot.perpendicular,
+    "perpendicular": rot.perpendicular_to,
     "direction to yaw": rot.direction_to_yaw,
-    "between equals": lambda x: rot.between(x, x.detach()),
-    "between opposites": lambda x: rot.between(x, -x.detach()),
+    "between equals": lambda x: rot.rotation_between(x, x.detach()),
+    "between opposites": lambda x: rot.rotation_between(x, -x.detach()),
     "axis and angle": lambda x: rot.axis_angle_to_quaternion(x, x[..., 0]),
     "6D, equal columns": lambda x: rot.sixd_to_matrix(torch.cat((x, x), -1)),
     "6D, second column": lambda x: rot.sixd_to_matrix(torch.cat((torch.ones_like(x), x), -1)),
-    "wrap": rot.wrap,
+    "wrap": rot.wrap_angle,
     **{order: lambda x, order=order: rot.euler_to_quaternion(x, order) for order in ORDERS},
 }
 
@@ -111,7 +111,7 @@ def test_gradients_of_the_others_are_right_at_generic_points():
     x.requires_grad_(), y.requires_grad_()
     check = torch.autograd.gradcheck
     assert check(rot.exp_map, x)
-    assert check(rot.between, (x, y))
+    assert check(rot.rotation_between, (x, y))
     assert check(lambda a, b: rot.sixd_to_matrix(torch.cat((a, b), -1)), (x, y))
     assert check(lambda a: rot.axis_angle_to_quaternion(a, a[..., 0]), x)
     assert check(rot.direction_to_yaw, x)

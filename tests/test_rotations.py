@@ -123,7 +123,7 @@ def test_euler_angles_agree_with_scipy(order, dtype):
     q = rot.euler_to_quaternion(angles.to(dtype), order)
     assert_same_rotation(q, from_scipy(Rotation.from_euler(order, angles.numpy())), 2 * TOLERANCE[dtype])
     with_scipy = to_scipy(q).as_euler(order)
-    apart = rot.wrap(rot.quaternion_to_euler(q, order) - torch.from_numpy(with_scipy)).abs()
+    apart = rot.wrap_angle(rot.quaternion_to_euler(q, order) - torch.from_numpy(with_scipy)).abs()
     assert apart.max() < 1e3 * TOLERANCE[dtype]  # angles are less exact close to gimbal lock
 
 
@@ -186,7 +186,7 @@ def test_slerp_takes_times_of_any_shape_that_broadcasts():
 
 def test_between_turns_one_direction_into_the_other(dtype):
     u, v = torch.randn(2, 100, 3, dtype=dtype, generator=torch.Generator().manual_seed(6))
-    q = rot.between(u, v)
+    q = rot.rotation_between(u, v)
     assert torch.allclose(rot.quaternion_rotate(q, rot.normalize(u)), rot.normalize(v), atol=4 * TOLERANCE[dtype])
     angle = torch.acos((rot.normalize(u) * rot.normalize(v)).sum(-1))
     assert torch.allclose(rot.quaternion_angle(rot.identity_quaternion(dtype=dtype), q), angle, atol=1e-3)
@@ -197,7 +197,7 @@ def test_between_directions_that_are_opposite_or_nearly_so(apart, dtype):
     generator = torch.Generator().manual_seed(7)
     u = torch.cat((torch.eye(3), -torch.eye(3), torch.randn(20, 3, generator=generator))).to(dtype)
     v = -rot.normalize(u) + apart * torch.randn(26, 3, generator=generator).to(dtype)
-    q = rot.between(u, v)
+    q = rot.rotation_between(u, v)
     assert torch.allclose(q.norm(dim=-1), torch.ones(26, dtype=dtype))
     turned = rot.quaternion_rotate(q, rot.normalize(u))
     assert torch.allclose(turned, rot.normalize(v), atol=4e-6 if dtype == torch.float32 else 1e-12)
@@ -206,7 +206,7 @@ def test_between_directions_that_are_opposite_or_nearly_so(apart, dtype):
 def test_between_a_direction_and_nothing_does_not_turn():
     zero, x = torch.zeros(3), torch.tensor([1.0, 0.0, 0.0])
     for u, v in ((zero, x), (x, zero), (zero, zero)):
-        assert torch.equal(rot.between(u, v), rot.identity_quaternion())
+        assert torch.equal(rot.rotation_between(u, v), rot.identity_quaternion())
 
 
 @pytest.mark.parametrize("size", [1e-37, 1e-25, 1.0, 1e25, 1e37])
@@ -246,7 +246,7 @@ def test_yaw_goes_there_and_back(dtype):
 
 def test_wrapped_angles_are_the_same_angles():
     angles = torch.linspace(-20, 20, 101, dtype=torch.float64)
-    wrapped = rot.wrap(angles)
+    wrapped = rot.wrap_angle(angles)
     assert wrapped.abs().max() <= PI
     turns = (angles - wrapped) / (2 * PI)
     assert torch.allclose(turns, turns.round())
@@ -291,11 +291,11 @@ def test_six_numbers_of_two_almost_parallel_columns_make_a_rotation(apart, dtype
 
 def test_signs_are_chosen_without_changing_the_rotation():
     q = random_quaternions(40)
-    assert_same_rotation(rot.positive(q), q, 1e-15)
-    assert (rot.positive(q)[:, 0] >= 0).all()
+    assert_same_rotation(rot.quaternion_canonical(q), q, 1e-15)
+    assert (rot.quaternion_canonical(q)[:, 0] >= 0).all()
     steps = rot.exp_map(torch.tensor([[0.1, 0.0, 0.02]]) * torch.arange(100)[:, None])[:, None].expand(100, 3, 4)
     signs = torch.where(torch.rand(100, 3, 1, generator=torch.Generator().manual_seed(9)) < 0.5, -1.0, 1.0)
-    smooth = rot.unroll(steps * signs)
+    smooth = rot.quaternion_unroll(steps * signs)
     assert ((smooth[1:] * smooth[:-1]).sum(-1) > 0.99).all()
     assert_same_rotation(smooth, steps, 1e-6)
     assert torch.equal(smooth[0], (steps * signs)[0])
@@ -303,7 +303,7 @@ def test_signs_are_chosen_without_changing_the_rotation():
 
 UNARY = {  # function, size of its last dimension, shape that it makes of it
     "normalize": (rot.normalize, 4, (4,)),
-    "positive": (rot.positive, 4, (4,)),
+    "positive": (rot.quaternion_canonical, 4, (4,)),
     "quaternion_inverse": (rot.quaternion_inverse, 4, (4,)),
     "quaternion_to_matrix": (rot.quaternion_to_matrix, 4, (3, 3)),
     "quaternion_to_sixd": (rot.quaternion_to_sixd, 4, (6,)),
@@ -320,8 +320,8 @@ UNARY = {  # function, size of its last dimension, shape that it makes of it
     "angle": (lambda q: rot.quaternion_angle(q, q), 4, ()),
     "rotate": (lambda q: rot.quaternion_rotate(q, q[..., 1:]), 4, (3,)),
     "slerp": (lambda q: rot.slerp(q, q, 0.5), 4, (4,)),
-    "between": (lambda v: rot.between(v, v), 3, (4,)),
-    "perpendicular": (rot.perpendicular, 3, (3,)),
+    "between": (lambda v: rot.rotation_between(v, v), 3, (4,)),
+    "perpendicular": (rot.perpendicular_to, 3, (3,)),
     "yaw_to_quaternion": (lambda v: rot.yaw_to_quaternion(v[..., 0]), 1, (4,)),
 }
 

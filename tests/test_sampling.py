@@ -10,7 +10,17 @@ from sampling_lab import SCHEDULES, Trace, bent, normal
 
 import motionkit as mk
 from motionkit.diffusion import NoiseSchedule
-from motionkit.sampling import ddim, ddim_invert, ddpm, dpm_solver, guidance, guided, inpainting, named, timesteps
+from motionkit.sampling import (
+    classifier_free_guidance,
+    ddim,
+    ddim_invert,
+    ddpm,
+    dpm_solver,
+    feature_mask,
+    guidance,
+    inpainting,
+    timesteps,
+)
 
 SAMPLERS = [ddpm, ddim, dpm_solver]
 MEAN, SPREAD = 1.5, 0.5  # of the Gaussian data
@@ -171,7 +181,7 @@ def test_guided_asks_once_with_both_conditions():
         calls.append((x, t, condition, mask))
         return x * mask[..., None] + condition[:, None] * t[:, None, None]
 
-    found = guided(model, words, nothing, scale=2.5, mask=mask)(x, t)
+    found = classifier_free_guidance(model, words, nothing, scale=2.5, mask=mask)(x, t)
     assert len(calls) == 1
     seen_x, seen_t, conditions, seen_mask = calls[0]
     assert torch.equal(seen_x, torch.cat((x, x))) and seen_t.tolist() == [7, 9, 7, 9]
@@ -179,15 +189,15 @@ def test_guided_asks_once_with_both_conditions():
     assert torch.equal(seen_mask, torch.cat((mask, mask)))
     told, untold = model(x, t, words, mask), model(x, t, nothing.expand(2, 4), mask)
     torch.testing.assert_close(found, 2.5 * told - 1.5 * untold)
-    torch.testing.assert_close(guided(model, words, nothing, scale=0, mask=mask)(x, t), untold)
+    torch.testing.assert_close(classifier_free_guidance(model, words, nothing, scale=0, mask=mask)(x, t), untold)
     calls.clear()
-    assert torch.equal(guided(model, words, nothing, scale=1, mask=mask)(x, t), told)
+    assert torch.equal(classifier_free_guidance(model, words, nothing, scale=1, mask=mask)(x, t), told)
     assert [len(call[0]) for call in calls] == [2]
 
 
 def test_guided_goes_through_a_sampler():
     schedule, words = NoiseSchedule.cosine(), normal(3, 4)
-    predict = guided(lambda x, t, c: 0 * x + c, words, torch.zeros(4).double(), scale=3.0)
+    predict = classifier_free_guidance(lambda x, t, c: 0 * x + c, words, torch.zeros(4).double(), scale=3.0)
     for sampler in SAMPLERS:
         torch.testing.assert_close(sampler(predict, normal(3, 4, seed=1), schedule, 5), 3 * words)
 
@@ -196,7 +206,7 @@ def test_guided_goes_through_a_sampler():
 def test_inpainting_holds_named_numbers_at_every_step(sampler):
     """Paper 1, eq. 8: the root's velocity is that of the content, whatever the network says."""
     layout, schedule = mk.features.FacingFree(mk.skeleton.smpl(), 30), NoiseSchedule.cosine()
-    where, trace = named(layout, "root x velocity", "root z velocity"), Trace()
+    where, trace = feature_mask(layout, "root x velocity", "root z velocity"), Trace()
     known = normal(6, layout.size, seed=1)  # [F, D]
 
     def predict(x, t):
@@ -224,11 +234,11 @@ def test_inpainting_takes_frames_batches_and_float32():
 def test_names_are_parts_or_components_of_a_pose():
     layout = mk.features.FacingFree(mk.skeleton.smpl(), 30)
     for part, where in layout.slices.items():
-        assert named(layout, part).nonzero().flatten().tolist() == list(range(layout.size))[where]
-    assert named(layout, "root height", "root x velocity").nonzero().flatten().tolist() == [1, 3]
-    [hip] = named(layout, "positions y of left_hip").nonzero().flatten().tolist()
+        assert feature_mask(layout, part).nonzero().flatten().tolist() == list(range(layout.size))[where]
+    assert feature_mask(layout, "root height", "root x velocity").nonzero().flatten().tolist() == [1, 3]
+    [hip] = feature_mask(layout, "positions y of left_hip").nonzero().flatten().tolist()
     assert layout.describe(hip) == "positions y of left_hip (m)"
-    assert not named(layout).any()
+    assert not feature_mask(layout).any()
 
 
 @pytest.mark.parametrize("name", ["roots", "roo", "root x vel", "", "velocity", "positions x of tail"])
@@ -237,7 +247,7 @@ def test_names_that_nothing_has(name):
     with pytest.raises(
         mk.MotionKitError, match=f"no number of FacingFree is called '{name}'; the first are .*its parts"
     ):
-        named(layout, "root", name)
+        feature_mask(layout, "root", name)
 
 
 @pytest.mark.parametrize("steps, start", [(0, None), (-1, None), (1001, None), (10, 0), (10, 1001), (10, -3)])

@@ -5,7 +5,7 @@ import torch
 
 import motionkit as mk
 from motionkit import checkpoints
-from motionkit.methods.text_to_motion import answers, retrieval
+from motionkit.methods.text_to_motion import generate_for, retrieval
 from motionkit.text.encoders import Mini
 
 ACTOR = ["a person walks in depression", "an old person walks", "a person kicks angrily", "a person jumps neutrally"]
@@ -43,7 +43,7 @@ def test_the_data_are_those_that_the_weights_learned_from(actor, prior):
 
 def test_the_prior_is_as_good_as_its_card_says(actor, prior):
     few = actor.test[::6]
-    judge, made = mk.judges.load("actor"), answers(prior, few)
+    judge, made = mk.judges.load("actor"), generate_for(prior, few)
     for label, classifier in (("content", judge.content), ("style", judge.style)):
         hits = classifier.scores(made).argmax(1) == classifier.ids([getattr(clip, label) for clip in few])
         share = 100 * float(hits.double().mean())
@@ -116,15 +116,15 @@ def test_mini_finds_the_motion_of_a_sentence(actor):
     assert isinstance(encoder, Mini) and encoder.card["metrics"]["sentence_by_motion_r1"] > 90
     a, b = (encoder.encode([clip.texts[n] for clip in actor.test]) for n in (0, 1))
     groups = [(clip.content, clip.style) for clip in actor.test]
-    found = mk.metrics.recalls(a, b, groups)["r1"]
+    found = mk.metrics.recall_at_k(a, b, groups)["r1"]
     assert found == pytest.approx(encoder.card["metrics"]["sentence_by_sentence_r1"], abs=2)
 
 
 def test_the_shipped_style_erd_is_as_good_as_its_card_says(actor):
-    from motionkit.methods.style_erd import measured
+    from motionkit.methods.style_erd import evaluate_model
 
     model = mk.methods.load("style-erd").model
-    found, wrote = measured(model, actor.test), model.card["metrics"]
+    found, wrote = evaluate_model(model, actor.test), model.card["metrics"]
     assert found["rebuilt_mm"] == pytest.approx(wrote["rebuilt_mm"], rel=0.05)
     assert all(abs(found[name] - wrote[name]) < 4 for name in wrote)
     assert found["rebuilt_mm"] < 25 and found["content"] > 85 and found["style"] > 75

@@ -7,29 +7,30 @@ import torch
 
 import motionkit as mk
 from motionkit import checkpoints
-from motionkit.actor import SEEN, Style, parameters, perform, retell, style_named
+from motionkit.actor import Style, parameters, perform, retell
+from motionkit.actor.style import TRAIN_STYLES, get_style
 from motionkit.arena.transfers import error_against
 from motionkit.layers import Denoiser, TransformerConfig
 from motionkit.methods import style_code, text_to_motion
 from motionkit.methods import style_code as spaces
-from motionkit.methods.few_shot import Adapter, LearnedStyle, Recipe
+from motionkit.methods.few_shot import LearnedStyle, LoRA, Recipe
 from motionkit.methods.style_code import (
     CODES,
     FRAMES,
     CodedDenoiser,
-    Point,
-    Reading,
-    StyleSpace,
+    GaussianCode,
+    StyleCode,
+    StyleCodeModel,
+    beta_nll,
     code_of,
-    doubted,
-    invented,
-    lessons,
-    misread,
-    misses,
-    train_reader,
-    train_space,
+    decoder_error,
+    encoder_error,
+    random_style,
+    style_pairs,
+    train_decoder,
+    train_encoder,
 )
-from motionkit.training import Schedule
+from motionkit.training import TrainConfig
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,7 @@ def prior():
 
 @pytest.fixture(scope="module")
 def known(prior):
-    return lessons(prior, 4, each=2, jobs=1)
+    return style_pairs(prior, 4, each=2, jobs=1)
 
 
 @pytest.fixture(scope="module")
@@ -47,23 +48,23 @@ def small(prior, known):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(style_code, "BATCH", 4)
         patch.setattr(style_code, "_BACK", 1)
-        return train_space(prior, known, Schedule(8, 1e-3, average=0.5), title="")
+        return train_decoder(prior, known, TrainConfig(8, 1e-3, average=0.5), title="")
 
 
 def test_invented_styles_lie_in_their_ranges_and_go_beyond_those_known():
-    made = [invented(random.Random(n)) for n in range(200)]  # a Style checks its ranges itself
+    made = [random_style(random.Random(n)) for n in range(200)]  # a Style checks its ranges itself
     for key, about in parameters().items():
         values = torch.tensor([getattr(style, key) for style in made])
-        reach = max(abs(getattr(style_named(style), key) - about.neutral) for style in SEEN)
+        reach = max(abs(getattr(get_style(style), key) - about.neutral) for style in TRAIN_STYLES)
         far = (values - about.neutral).abs()
         assert float(far.median()) <= max(0.5 * reach, 0.25 * (about.high - about.low)) and far.max() > 0
-    assert invented(random.Random(3)) == invented(random.Random(3))
+    assert random_style(random.Random(3)) == random_style(random.Random(3))
 
 
 def test_a_code_is_the_numbers_and_back(prior):
-    style = style_named("zombie")
-    space = StyleSpace(prior, CodedDenoiser(Denoiser(10, 16, TransformerConfig.tiny())), None)
-    point = Point(space, style)
+    style = get_style("zombie")
+    space = StyleCodeModel(prior, CodedDenoiser(Denoiser(10, 16, TransformerConfig.tiny())), None)
+    point = StyleCode(space, style)
     assert point.code.shape == (CODES + 1,) and float(point.code[-1].detach()) == 0
     assert point.style().values() == pytest.approx(style.values(), abs=1e-5)
     assert bool((code_of(Style()) == 0).all())
@@ -75,13 +76,13 @@ def test_lessons_tell_the_same_beat_in_both(prior, known):
     assert known.codes.shape == (8, CODES) and len(known.captions) == 8
     assert known.captions[0] == known.captions[1] != known.captions[2]
     assert bool((known.neutral != known.styled).any(2).any(1).all())
-    again = lessons(prior, 4, each=2, jobs=1)
+    again = style_pairs(prior, 4, each=2, jobs=1)
     assert torch.equal(again.styled, known.styled)
 
 
 def test_a_space_starts_at_its_prior_and_learns(prior, known, small):
-    before = misses(StyleSpace(prior, CodedDenoiser(prior.network), small.chain), known)
-    after = misses(small, known)
+    before = decoder_error(StyleCodeModel(prior, CodedDenoiser(prior.network), small.chain), known)
+    after = decoder_error(small, known)
     assert after["copied"] == before["copied"]
     assert after["styled"] < before["styled"] and after["neutral"] < before["neutral"]
     assert small.card["steps"] == 8 and small.card["lessons"] == 8
@@ -90,7 +91,7 @@ def test_a_space_starts_at_its_prior_and_learns(prior, known, small):
 
 def test_a_space_is_kept_for_its_prior_alone(prior, small, tmp_path):
     path = small.save(tmp_path / "actor-space.safetensors")
-    again = StyleSpace.load(path, prior)
+    again = StyleCodeModel.load(path, prior)
     x, t, words, code = torch.randn(1, 20, prior.layout.size), torch.tensor([9]), torch.zeros(1, 128), torch.ones(1, 38)
     assert torch.allclose(again.network(x, t, words, code), small.network(x, t, words, code), atol=0.05)
     assert again.key == small.key and again.chain.stops == small.chain.stops
@@ -98,22 +99,22 @@ def test_a_space_is_kept_for_its_prior_alone(prior, small, tmp_path):
     for change in ({"prior": "other"}, {"codes": ["tempo"]}):
         checkpoints.save(path, tensors, card | change)
         with pytest.raises(mk.MotionKitError, match="made from another prior, or by another performer"):
-            StyleSpace.load(path, prior)
+            StyleCodeModel.load(path, prior)
 
 
 def test_a_reader_guesses_codes_and_belongs_to_its_prior(prior, known, small, tmp_path):
-    other = StyleSpace(prior, small.network, small.chain)
+    other = StyleCodeModel(prior, small.network, small.chain)
     assert other.read(known.styled[0].float()) is None
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(style_code, "READER_BATCH", 4)
-        card = train_reader(other, known, Schedule(60, 1e-3, average=0.9), title="")
-    errors = misread(other, known)
+        card = train_encoder(other, known, TrainConfig(60, 1e-3, average=0.9), title="")
+    errors = encoder_error(other, known)
     assert errors["read"] < 0.7 * errors["guessed"] and card["lessons"] == 8 and errors["expected"] > 0
     long = torch.cat((known.styled[0], known.styled[0])).float()  # the middle is read
     code, spread = other.read(long)
     assert code.shape == spread.shape == (CODES,) and bool((spread > 0).all())
     path = other.save_reader(tmp_path / "actor-reader.safetensors", card)
-    again = StyleSpace(prior, small.network, small.chain).load_reader(path)
+    again = StyleCodeModel(prior, small.network, small.chain).load_reader(path)
     assert all(torch.allclose(a, b, atol=0.01) for a, b in zip(again.read(long), (code, spread)))
     tensors, card = checkpoints.load(path)
     checkpoints.save(path, tensors, card | {"prior": "other"})
@@ -125,20 +126,20 @@ def test_a_space_goes_on_from_another(prior, known, small):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(style_code, "BATCH", 4)
         patch.setattr(style_code, "_BACK", 1)
-        later = train_space(prior, known, Schedule(1, 1e-9), small, title="")
-    assert misses(later, known) == pytest.approx(misses(small, known), abs=1e-3)
+        later = train_decoder(prior, known, TrainConfig(1, 1e-9), small, title="")
+    assert decoder_error(later, known) == pytest.approx(decoder_error(small, known), abs=1e-3)
     assert later.card["started_from"]["steps"] == small.card["steps"] and later.card["steps"] == 1
     assert later.network is not small.network
 
 
 def test_learning_starts_from_what_is_read_and_stays_near_where_that_is_sure(small):
-    read = Reading(torch.full((CODES,), 0.3), torch.full((CODES,), 0.1))
+    read = GaussianCode(torch.full((CODES,), 0.3), torch.full((CODES,), 0.1))
     read.spread[0] = 1.0
-    point = Point(small, read)
+    point = StyleCode(small, read)
     assert torch.equal(point.code[:-1], read.code) and float(point.unlikely().detach()) == 0
 
     def off_by(distance, number):
-        moved = Point(small, read)
+        moved = StyleCode(small, read)
         with torch.no_grad():
             moved.changes["code"][number] += distance
         return float(moved.unlikely().detach())
@@ -152,11 +153,11 @@ def test_doubt_is_learned_where_nothing_is_to_be_read():
     codes = torch.tensor([[1.0], [-1.0]])
     optimizer = torch.optim.Adam([found], 0.05)
     for _ in range(300):
-        loss = doubted(Reading.of(found.mean(0, keepdim=True).expand(2, -1)), codes)
+        loss = beta_nll(GaussianCode.of(found.mean(0, keepdim=True).expand(2, -1)), codes)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
-    code, spread = Reading.of(found.mean(0).detach())
+    code, spread = GaussianCode.of(found.mean(0).detach())
     assert abs(float(code)) < 0.05 and float(spread) == pytest.approx(1.0, rel=0.05)  # as far as they lie apart
 
 
@@ -166,7 +167,7 @@ def test_only_the_code_is_learned_and_kept(prior, small, tmp_path):
     method = mk.methods.load("few-shot", recipe=recipe, space=small)
     weights = {name: value.clone() for name, value in small.network.state_dict().items()}
     learned = method.learn(clip, "an old person walks", title="")
-    assert isinstance(learned.adapter, Point) and float(learned.adapter.code.detach().abs().max()) > 0
+    assert isinstance(learned.adapter, StyleCode) and float(learned.adapter.code.detach().abs().max()) > 0
     assert all(torch.equal(value, weights[name]) for name, value in small.network.state_dict().items())
     assert "37 numbers" in repr(learned)
     walk = mk.load("data/actor/walk_neutral.bvh")
@@ -189,17 +190,18 @@ def test_a_clip_or_a_name_may_stand_for_a_style(small):
         assert out.name == f"walk_neutral as {name}" and len(out) == len(walk)
     assert torch.equal(method.stylize(walk, old).rotations, method.stylize(walk, method.last).rotations)
     named = method.stylize(walk, "zombie", caption="a person walks")
-    by_hand = LearnedStyle(small.prior, Point(small, style_named("zombie")), small.chain, "zombie", "zombie")
+    by_hand = LearnedStyle(small.prior, StyleCode(small, get_style("zombie")), small.chain, "zombie", "zombie")
     assert torch.equal(named.rotations, method.stylize(walk, by_hand, caption="a person walks").rotations)
     with pytest.raises(mk.MotionKitError, match="'purple' is no style that it knows by name: neutral, "):
         method.stylize(walk, "purple")
 
 
 def test_the_semantic_loss_works_in_a_space_too(small, prior):
-    from motionkit.datasets import BvhSource, Item, Labels, of_items
+    from motionkit.datasets import BvhSource, Item, Labels
+    from motionkit.datasets.loading import from_items
 
     source = BvhSource.at("data/actor/walk_neutral.bvh")
-    library = of_items("mine", [Item("walk", Labels("walk", "neutral", ("a person is walking",)), source)])
+    library = from_items("mine", [Item("walk", Labels("walk", "neutral", ("a person is walking",)), source)])
     recipe = Recipe(model="space", pair="space", steps=2, batch=1, rate=0.05)
     method = mk.methods.load("few-shot", library=library, recipe=recipe, space=small)
     assert method.learn(mk.load("data/actor/walk_old.bvh"), "an old person walks", title="").style == "old"
@@ -209,7 +211,7 @@ def test_recipes_say_what_does_not_fit():
     with pytest.raises(mk.MotionKitError, match="where its model is 'space' too"):
         Recipe(pair="space")
     assert Recipe.in_space().model == Recipe.in_space().pair == "space"
-    assert spaces.found_for(text_to_motion.load("bandai-2")) is None
+    assert spaces.load_for(text_to_motion.load("bandai-2")) is None
     method = mk.methods.load("few-shot", prior="bandai-2", recipe=Recipe.in_space())
     with pytest.raises(mk.MotionKitError, match="no space of styles of this prior"):
         method.learn(mk.load("data/actor/walk_old.bvh"), "an old person walks")
@@ -222,14 +224,14 @@ def test_captures_make_no_space():
 
 def test_the_shipped_space_is_as_good_as_its_card_says(prior):
     space = spaces.load("actor")
-    found, wrote = misses(space, lessons(prior, 60, seed=space.card["seed"] + 1)), space.card["metrics"]
+    found, wrote = decoder_error(space, style_pairs(prior, 60, seed=space.card["seed"] + 1)), space.card["metrics"]
     assert all(found[name] == pytest.approx(wrote[name], rel=0.05) for name in wrote)
     assert found["styled"] < 0.35 * found["copied"] and found["neutral"] < 0.35 * found["copied"]
 
 
 def test_the_shipped_reader_is_as_good_as_its_card_says(prior):
     space, card = spaces.load("actor"), checkpoints.load(checkpoints.find("actor-reader"))[1]
-    found, wrote = misread(space, lessons(prior, 60, seed=1)), card["metrics"]
+    found, wrote = encoder_error(space, style_pairs(prior, 60, seed=1)), card["metrics"]
     assert all(found[name] == pytest.approx(wrote[name], rel=0.05) for name in wrote)
     assert found["read"] < 0.45 * found["guessed"] and 0.7 < found["expected"] / found["read"] < 1.3
 
@@ -249,4 +251,4 @@ def test_a_style_that_nobody_has_seen_is_carried_over():
 def test_adapters_still_serve_where_they_are_asked_for():
     method = mk.methods.load("few-shot", recipe=Recipe(steps=1, weights=(1.0, 0.0), pair_steps=4))
     learned = method.learn(mk.load("data/actor/walk_old.bvh"), "an old person walks", title="")
-    assert isinstance(learned.adapter, Adapter)
+    assert isinstance(learned.adapter, LoRA)

@@ -49,14 +49,14 @@ def test_choosing_a_style_moves_all_sliders_and_performs_once(mixer, monkeypatch
     mixer.controls["intensity"].value = 0.5
     mixer.controls["style"].value = "robot"
     assert mixer.controls["intensity"].value == 1.0
-    assert mixer.controls["elbow_bend"].value == actor.style_named("robot").elbow_bend
-    assert mixer.style.values() == actor.style_named("robot").values()
+    assert mixer.controls["elbow_bend"].value == actor.get_style("robot").elbow_bend
+    assert mixer.style.values() == actor.get_style("robot").values()
     assert len(told) == 2
 
 
 def test_intensity_strengthens_numbers_without_a_slider_too(mixer):
     mixer.controls["intensity"].value = 0.5
-    assert mixer.style.tremor == pytest.approx(0.5 * actor.style_named("old").tremor)
+    assert mixer.style.tremor == pytest.approx(0.5 * actor.get_style("old").tremor)
 
 
 def test_the_mixer_leaves_a_still(mixer):

@@ -9,7 +9,8 @@ import torch
 from safetensors.torch import load_file, save_file
 
 import motionkit as mk
-from motionkit.text import Remembered, TextEncoder, check_prompt, content_key, load, similarity
+from motionkit.text import TextEncoder, check_prompt, content_key, load, similarity
+from motionkit.text.encoders import CachedEncoder
 
 SENTENCES = ["a person walks", "somebody runs in old age", "a", "a person walks", "an angry person kicks twice"]
 
@@ -62,7 +63,7 @@ def test_encode_gives_back_each_sentence_in_its_place(batch):
     ],
 )
 def test_bad_sentences(texts, message, folder):
-    for encoder in (Padded(), Remembered(Padded())):
+    for encoder in (Padded(), CachedEncoder(Padded())):
         with pytest.raises(mk.MotionKitError, match=message):
             encoder.encode(texts)
 
@@ -121,7 +122,7 @@ def test_prompts_far_from_anything_known():
 
 def test_remembered_asks_once_and_keeps_it_on_disk(folder):
     encoder = Padded()
-    kept = Remembered(encoder)
+    kept = CachedEncoder(encoder)
     assert (kept.name, kept.size, kept.key) == ("padded", 8, encoder.key)
     first = kept.encode(SENTENCES)
     assert first.equal(Padded().encode(SENTENCES)) and sorted(encoder.asked) == sorted(set(SENTENCES))
@@ -132,10 +133,10 @@ def test_remembered_asks_once_and_keeps_it_on_disk(folder):
         def embed(self, texts):
             raise AssertionError(f"asked again: {texts}")
 
-    again = Remembered(Idle())
+    again = CachedEncoder(Idle())
     assert again.encode(SENTENCES[:2]).equal(first[:2]) and again.encode([]).shape == (0, 8)
     other = Padded(seed=1)
-    assert not Remembered(other).encode(SENTENCES).allclose(first) and len(other.asked) == 4
+    assert not CachedEncoder(other).encode(SENTENCES).allclose(first) and len(other.asked) == 4
     assert len(list(folder.iterdir())) == 2
 
 
@@ -156,30 +157,30 @@ def damage(path, how):
 
 @pytest.mark.parametrize("how", ["cut", "empty", "bit", "other", "size"])
 def test_damaged_caches_are_made_anew(folder, how):
-    first = Remembered(Padded()).encode(SENTENCES)
+    first = CachedEncoder(Padded()).encode(SENTENCES)
     (path,) = folder.iterdir()
     whole = path.read_bytes()
     damage(path, how)
     assert path.read_bytes() != whole
     encoder = Padded()
-    assert Remembered(encoder).encode(SENTENCES).equal(first) and len(encoder.asked) == 4
+    assert CachedEncoder(encoder).encode(SENTENCES).equal(first) and len(encoder.asked) == 4
     assert path.read_bytes() == whole
 
 
 def test_two_at_once_lose_nothing_that_was_written(folder):
-    one, two = Remembered(Padded()), Remembered(Padded())
+    one, two = CachedEncoder(Padded()), CachedEncoder(Padded())
     one.encode(["a"])
     two.encode(["b"])
     one.encode(["c"])
     third = Padded()
-    Remembered(third).encode(["a", "b", "c"])
+    CachedEncoder(third).encode(["a", "b", "c"])
     assert third.asked == []
 
 
 def test_two_processes_share_a_cache(folder):
     code = """
 import sys, torch
-from motionkit.text import Remembered, TextEncoder
+from motionkit.text import CachedEncoder, TextEncoder
 class Lengths(TextEncoder):
     name, size, key, batch = "lengths", 2, "k" * 64, 1
     def embed(self, texts):
@@ -197,7 +198,7 @@ for n in range(40):
 
 def test_a_cache_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("no folder")
-    kept = Remembered(Padded(), tmp_path / "file" / "below")
+    kept = CachedEncoder(Padded(), tmp_path / "file" / "below")
     with pytest.warns(mk.MotionKitWarning, match="not kept on disk.*MOTIONKIT_CACHE"):
         first = kept.encode(["a"])
     with warnings.catch_warnings():

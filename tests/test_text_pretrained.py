@@ -9,7 +9,8 @@ import pytest
 import torch
 
 import motionkit as mk
-from motionkit.text import Remembered, encoders, load, similarity
+from motionkit.text import encoders, load, similarity
+from motionkit.text.encoders import CachedEncoder
 
 transformers = pytest.importorskip("transformers", reason="pip install -e .[text]", exc_type=ImportError)
 LETTERS = string.ascii_lowercase
@@ -98,7 +99,7 @@ def test_models_on_disk(saved, monkeypatch, capfd):
     capfd.readouterr()
     level = logging.root.manager.disable
     encoder = load(saved)
-    assert isinstance(encoder, Remembered) and encoder.name == saved
+    assert isinstance(encoder, CachedEncoder) and encoder.name == saved
     found = encoder.encode(TEXTS)
     assert capfd.readouterr() == ("", ""), "a notebook should stay quiet"
     assert logging.root.manager.disable == level and transformers.utils.logging.is_progress_bar_enabled()

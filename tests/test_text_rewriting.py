@@ -7,10 +7,11 @@ import pytest
 
 import motionkit as mk
 from motionkit import text
-from motionkit.actor import CONTENTS, SEEN, UNSEEN
-from motionkit.actor.performing import CREATURES, creature_named
+from motionkit.actor import CONTENTS
+from motionkit.actor.performing import CREATURES, get_creature
+from motionkit.actor.style import HELD_OUT_STYLES, TRAIN_STYLES
 from motionkit.datasets import captures
-from motionkit.text.captions import NEUTRAL, STYLES, form, said
+from motionkit.text.captions import NEUTRAL, STYLES, form, style_phrase
 from motionkit.text.captions import capture_captions as captured
 from motionkit.text.captions import performed_captions as acted
 
@@ -22,10 +23,10 @@ FILES = ("Aeroplane", "BeatChest", "InTheDark", "Kick", "March", "Neutral", "OnP
 @cache
 def every() -> tuple[tuple[str, str, str], ...]:
     """Data set, style and caption of all that the data sets say; 100STYLE with its 100 styles in one gait."""
-    found = [("actor", s, c) for s in (*SEEN, *UNSEEN) for d in CONTENTS for c in acted(d, s, 3, 6)]
+    found = [("actor", s, c) for s in (*TRAIN_STYLES, *HELD_OUT_STYLES) for d in CONTENTS for c in acted(d, s, 3, 6)]
     for kind in CREATURES:
-        for deed in creature_named(kind).contents:
-            found += [("creatures", s, c) for s in SEEN for c in acted(deed, s, 1, 4, subject=f"a {kind}")]
+        for deed in get_creature(kind).contents:
+            found += [("creatures", s, c) for s in TRAIN_STYLES for c in acted(deed, s, 1, 4, subject=f"a {kind}")]
     for name, known in captures.BANDAI_LABELS.items():
         for deed in known["content"].split():
             found += [
@@ -50,14 +51,18 @@ def tells(style: str) -> re.Pattern:
     words = STYLES[style]
     verbs = [form(verb, ending) for verb in words.walks for ending in ("s", "ing", "ed")]
     phrases = [*words.how, *words.captured[:1], *verbs, *(f"{who} \\w+" for who in words.who)]
-    named = [f"{said(style)} person", f"in an? {said(style)} (?:style|way)", f"the {said(style)} way"]
+    named = [
+        f"{style_phrase(style)} person",
+        f"in an? {style_phrase(style)} (?:style|way)",
+        f"the {style_phrase(style)} way",
+    ]
     return re.compile(rf"\b(?:{'|'.join((*phrases, *named))})\b")
 
 
 def test_every_style_of_the_data_sets_has_words():
     named = {s for known in captures.BANDAI_LABELS.values() for s in known["style"].split()}
-    assert {*SEEN, *UNSEEN, *named, *captures.XIA_STYLES} <= set(STYLES)
-    hundred = {s for s in STYLES if STYLES[s].how[0] == f"in a{'n' * (s[0] in 'aeiou')} {said(s)} style"}
+    assert {*TRAIN_STYLES, *HELD_OUT_STYLES, *named, *captures.XIA_STYLES} <= set(STYLES)
+    hundred = {s for s in STYLES if STYLES[s].how[0] == f"in a{'n' * (s[0] in 'aeiou')} {style_phrase(s)} style"}
     shared = {"angry", "depressed", "drunk", "neutral", "old", "proud", "robot", "strutting", "zombie"}
     assert len(hundred | shared) == 100
     assert all(len(STYLES[s].how) == 2 for s in hundred)
@@ -99,7 +104,7 @@ def test_to_style_says_the_style(style):
 @pytest.mark.parametrize("style", ["very-odd", "in_a_hurry", "tick and tock"])
 def test_styles_without_words(style):
     there = text.to_style("a person walks, then jumps", style)
-    assert there == f"a person walks, then jumps, in a{'n' * (style[0] in 'aeiou')} {said(style)} style"
+    assert there == f"a person walks, then jumps, in a{'n' * (style[0] in 'aeiou')} {style_phrase(style)} style"
     assert text.to_style(there, style) == there
     assert text.to_neutral("a person walks in a very odd style") == "a person walks neutrally"
 

@@ -14,10 +14,10 @@ from torch import nn
 
 import motionkit as mk
 from motionkit import checkpoints
-from motionkit.training import Schedule, fit, seed_batch
+from motionkit.training import TrainConfig, fit, seed_batch
 
-SCHEDULE = Schedule(60, rate=0.05)
-MEAN = Schedule(40, rate=0.05, average=0.9)
+SCHEDULE = TrainConfig(60, rate=0.05)
+MEAN = TrainConfig(40, rate=0.05, average=0.9)
 
 
 def a_net() -> nn.Module:
@@ -102,9 +102,9 @@ def test_seconds_add_up(tmp_path):
     show, keep, begun = stop_at(4, 9), tmp_path / "a.run", time.monotonic()
     for _ in range(2):
         with pytest.raises(KeyboardInterrupt):
-            fit(a_net(), slow, Schedule(15), keep=keep, title="", show=show)
+            fit(a_net(), slow, TrainConfig(15), keep=keep, title="", show=show)
     time.sleep(0.3)  # a pause between runs is no training
-    run = fit(a_net(), slow, Schedule(15), keep=keep, title="")
+    run = fit(a_net(), slow, TrainConfig(15), keep=keep, title="")
     passed = time.monotonic() - begun
     assert 15 * 0.02 < run.seconds < passed - 0.3
     assert run.steps_per_second == pytest.approx(15 / run.seconds)
@@ -123,7 +123,7 @@ def test_a_kept_run_of_something_else_is_refused(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         fit(net, a_loss, SCHEDULE, keep=keep, title="", show=stop_at(1))
     with pytest.raises(mk.MotionKitError, match="another schedule"):
-        fit(net, a_loss, Schedule(61), keep=keep, title="")
+        fit(net, a_loss, TrainConfig(61), keep=keep, title="")
     with pytest.raises(mk.MotionKitError, match="another schedule or recipe"):
         fit(net, a_loss, replace(SCHEDULE, recipe="batches of 8"), keep=keep, title="")
     other = nn.Linear(4, 1)
@@ -184,15 +184,15 @@ def test_what_is_not_finite_stops_the_run_and_the_state_before_is_kept(make, bad
 
 def test_the_batch_of_a_step_can_be_drawn_again():
     seen = []
-    fit(a_net(), lambda net, n: seen.append(torch.rand(3)) or a_loss(net, n), Schedule(5, seed=8), title="")
+    fit(a_net(), lambda net, n: seen.append(torch.rand(3)) or a_loss(net, n), TrainConfig(5, seed=8), title="")
     for step, numbers in enumerate(seen):
-        seed_batch(Schedule(5, seed=8), step)
+        seed_batch(TrainConfig(5, seed=8), step)
         assert torch.equal(torch.rand(3), numbers)
     assert len({tuple(numbers.tolist()) for numbers in seen}) == 5
 
 
 def test_the_mean_of_the_weights_by_hand():
-    schedule, net, weights = Schedule(6, rate=0.1, average=0.25), nn.Linear(1, 1, bias=False), []
+    schedule, net, weights = TrainConfig(6, rate=0.1, average=0.25), nn.Linear(1, 1, bias=False), []
 
     def miss(model: nn.Module, step: int) -> torch.Tensor:
         return (model(torch.ones(1, 1)) - 3).square().sum()
@@ -211,7 +211,7 @@ def test_one_training_says_nothing_and_leaves_nothing_to_the_next(capfd, tmp_pat
     fit(after, a_loss, SCHEDULE, title="")
     assert same(alone, after) and capfd.readouterr() == ("", "")
     assert type(alone) is nn.Sequential and "forward" not in vars(alone)
-    fit(alone, a_loss, Schedule(3), title="bar")
+    fit(alone, a_loss, TrainConfig(3), title="bar")
     shown = capfd.readouterr()
     assert shown.out == "" and "bar" in shown.err and "3/3" in shown.err and "loss=" in shown.err
 
@@ -219,10 +219,10 @@ def test_one_training_says_nothing_and_leaves_nothing_to_the_next(capfd, tmp_pat
 @pytest.mark.parametrize("wrong", [{"steps": 0}, {"rate": -1.0}, {"clip": 0.0}, {"average": 1.0}, {"rate": torch.nan}])
 def test_schedules_out_of_range(wrong):
     with pytest.raises(mk.MotionKitError, match="a schedule has at least 1 step"):
-        Schedule(**{"steps": 5, **wrong})
+        TrainConfig(**{"steps": 5, **wrong})
 
 
-LONG = Schedule(10**6, rate=0.05, average=0.9)
+LONG = TrainConfig(10**6, rate=0.05, average=0.9)
 
 
 @pytest.fixture

@@ -80,7 +80,7 @@ def oddities() -> list[Clip]:
 @pytest.mark.parametrize("motion", oddities(), ids=["dog", "chain", "dot", "still dog"])
 def test_any_skeleton_and_a_single_frame_are_shown_everywhere(motion, tmp_path):
     player = mk.Player([motion, motion], autoplay=False)
-    head, found = bodies.unpack(player._data)
+    head, found = bodies.decode_scene(player._data)
     assert [m["frames"] for m in head["motions"]] == [len(motion)] * 2
     assert player.still().startswith(b"\x89PNG")
     assert mk.scene(motion).frames
@@ -125,11 +125,11 @@ def test_wrong_arguments_say_what_was_expected(walk):
 
 
 def test_what_is_sent_is_within_a_tenth_of_a_millimetre_and_small(walk):
-    head, (found,) = bodies.unpack(mk.Player(walk)._data)
+    head, (found,) = bodies.decode_scene(mk.Player(walk)._data)
     assert np.abs(found - walk.positions().numpy()).max() < 1e-4
     assert len(mk.Player(walk)._data) < 22_000  # 4 s of 22 joints
     far = clip(np.random.default_rng(1).uniform(-30, 30, (50, 5, 3)), [-1, 0, 1, 2, 3])
-    assert np.abs(bodies.unpack(mk.Player(far)._data)[1][0] - far.points.numpy()).max() < 1e-3
+    assert np.abs(bodies.decode_scene(mk.Player(far)._data)[1][0] - far.points.numpy()).max() < 1e-3
 
 
 def test_side_by_side_leaves_room_and_overlay_leaves_places(walk, proud):
@@ -162,19 +162,19 @@ def test_contacts_in_every_form_say_the_same(walk):
     forms = [True, table, (names, table), {n: table[:, k] for k, n in enumerate(names)}, [table]]
     sent = {mk.Player(walk, contacts=form)._data for form in forms}
     assert len(sent) == 1
-    assert bodies.unpack(sent.pop())[0]["motions"][0]["marks"] == feet
+    assert bodies.decode_scene(sent.pop())[0]["motions"][0]["marks"] == feet
 
 
 def test_replacing_motions_keeps_looks_and_frame_in_range(walk, proud):
     player = mk.Player([walk, walk], roles=["content", "result"], labels=["a", "b"], autoplay=False)
     player.frame = 100
     player.motions = [walk[:50], proud[:50]]
-    head, _ = bodies.unpack(player._data)
+    head, _ = bodies.decode_scene(player._data)
     assert [m["label"] for m in head["motions"]] == ["a", "b"]
     assert head["motions"][0]["role"] == colours.ROLES["content"]
     assert player.frame == 49 == player.frame_count - 1
     player.set_motions(walk, labels=["only"])
-    assert [m["label"] for m in bodies.unpack(player._data)[0]["motions"]] == ["only"]
+    assert [m["label"] for m in bodies.decode_scene(player._data)[0]["motions"]] == ["only"]
     before = player._data
     with pytest.raises(mk.MotionKitError, match="unknown colour"):
         player.set_motions(proud, colour="red")
@@ -312,7 +312,7 @@ def test_the_page_is_whole_and_needs_no_network(walk, tmp_path):
     assert "<!--" not in text.split("<script")[0] and len(text) < 160_000
     assert [p.name for p in tmp_path.iterdir()] == ["walk <1>.html"]
     data = base64.b64decode(text.split('id="motionkit-data">')[1].split("<")[0])
-    assert bodies.unpack(data)[0]["motions"][1]["label"] == "two"
+    assert bodies.decode_scene(data)[0]["motions"][1]["label"] == "two"
     assert mk.Player(walk).save_html(tmp_path / "two.html").is_file()
     with pytest.raises(mk.MotionKitError, match="there is no folder"):
         players.save_html(walk, tmp_path / "nowhere" / "x.html")

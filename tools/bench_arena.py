@@ -24,7 +24,7 @@ import shutil, sys, time
 from dataclasses import dataclass
 from pathlib import Path
 import torch, motionkit as mk
-from motionkit.datasets import Item, Recording, of_items
+from motionkit.datasets import Item, Recording, from_items
 
 folder, count, frames, measured = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), sys.argv[4] == "measure"
 

@@ -12,7 +12,7 @@ import motionkit as mk
 from bench import ROOT, figure, find_root, write_result
 from motionkit import sampling
 from motionkit.layers import Denoiser, TransformerConfig
-from motionkit.methods.text_to_motion import SEEDS, answers, quality
+from motionkit.methods.text_to_motion import SEEDS, generate_for, quality
 from motionkit.skeleton import smpl
 
 RESULT = ROOT / "results" / "diffusion.json"
@@ -43,7 +43,7 @@ def speed() -> tuple[dict, list[dict]]:
             if size == "paper":
                 call = 1000 * seconds_of(partial(network, x, t, text))
                 figures["paper_call_ms"] = figure(call, 52, "ms", f"denoiser, one call, {note}", False)
-            for scale in (1.0, mk.methods.text_to_motion.SCALE):
+            for scale in (1.0, mk.methods.text_to_motion.GUIDANCE_SCALE):
                 predict = sampling.guided(network, text, none, scale)
                 taken = seconds_of(partial(sampling.ddim, predict, x, schedule, 20))
                 rows.append({"size": size, "guidance": scale, "seconds": round(taken, 4)})
@@ -76,7 +76,7 @@ def samplers(split, prior, judge) -> list[dict]:
             title, taken, far = f"{name}, {steps} steps", 0.0, []
             for seed in SEEDS:
                 begun = time.perf_counter()
-                made = answers(prior, split.test, getattr(sampling, name), steps, seed, title, spacing=spacing)
+                made = generate_for(prior, split.test, getattr(sampling, name), steps, seed, title, spacing=spacing)
                 taken += (time.perf_counter() - begun) / len(made) / len(SEEDS)
                 far.append(mk.metrics.fmd(judge.content.features(made), there))
             row = {"sampler": name, "steps": steps, "spacing": spacing, "fmd": round(sum(far) / len(far), 3)}
@@ -104,7 +104,8 @@ def main() -> None:
     table = samplers(**things)
     fmds = {(row["sampler"], row["steps"]): row["fmd"] for row in table}
     ratio = fmds["dpm_solver", 10] / fmds["ddim", 50]
-    how = f"test prompts, 20 DDIM steps, guidance {mk.methods.text_to_motion.SCALE:g}, mean over {len(SEEDS)} seeds"
+    scale = mk.methods.text_to_motion.GUIDANCE_SCALE
+    how = f"test prompts, 20 DDIM steps, guidance {scale:g}, mean over {len(SEEDS)} seeds"
     note = f"FMD on actor's test prompts, mean over {len(SEEDS)} seeds; DDIM in even steps"
     figures |= {
         "dpm_solver_10_over_ddim_50_fmd_ratio": figure(ratio, 1.05, "", note, False),

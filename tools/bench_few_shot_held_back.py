@@ -21,7 +21,7 @@ from motionkit.arena import Protocol
 from motionkit.features import FacingFree
 from motionkit.layers import Denoiser, TransformerConfig
 from motionkit.methods.few_shot import Recipe
-from motionkit.sampling import Chain
+from motionkit.sampling import PartialDiffusion
 from motionkit.skeleton import smpl
 
 RESULT = ROOT / "results" / "few-shot-held-back.json"
@@ -53,7 +53,7 @@ def times() -> dict:
     with tempfile.TemporaryDirectory() as folder:
         size = learned.save(Path(folder, "style.safetensors")).stat().st_size
     figures["style_file_mb"] = figure(size / 1e6, 1, "MB", "rank 8, numbers of 16 bits", False)
-    layout, chain = FacingFree(smpl(), 30), Chain.like_paper(method.prior.schedule)
+    layout, chain = FacingFree(smpl(), 30), PartialDiffusion.like_paper(method.prior.schedule)
     network = Denoiser(layout.size, 128, TransformerConfig.paper()).eval()  # fresh weights are as fast
     x, words = torch.randn(1, 120, layout.size), torch.randn(1, 128)
     with torch.inference_mode():

@@ -51,7 +51,7 @@ def reading(root: str, folder: Path) -> dict:
     from pymotion.io.bvh import BVH
 
     torch.set_num_threads(1)
-    items = mk.datasets.items_of("bandai-2", root)
+    items = mk.datasets.list_items("bandai-2", root)
     chosen = items[:: len(items) // CLIPS]
     ours = theirs = size = 0.0
     for item in chosen:
@@ -119,7 +119,7 @@ def main() -> int:
     """Measure everything, print it and write results/io.json."""
     start, root = time.perf_counter(), find_root()
     try:
-        mk.datasets.items_of("bandai-2", root)
+        mk.datasets.list_items("bandai-2", root)
     except mk.MotionKitError as error:
         print(error)
         return 1

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import motionkit as mk
 from motionkit import actor
-from motionkit.actor import CONTENTS, SEEN, UNSEEN, performing
+from motionkit.actor import CONTENTS, performing
+from motionkit.actor.style import HELD_OUT_STYLES, TRAIN_STYLES
 
 FOLDER = Path(__file__).resolve().parent.parent / "out" / "sheets"
 SECONDS = {"walk": 2.6, "walk_back": 3.0, "run": 1.8}  # what is shown; gestures are shown whole
@@ -18,9 +19,9 @@ STYLES = ("neutral", "proud", "tired", "angry")  # of creatures
 def rows_of(name: str) -> tuple[list[mk.Motion], list[str]]:
     """The motions of one page, and what to write beside them."""
     if name in CONTENTS:
-        made = [(actor.perform(name, style, seed=3, seconds=8), style) for style in SEEN + UNSEEN]
+        made = [(actor.perform(name, style, seed=3, seconds=8), style) for style in TRAIN_STYLES + HELD_OUT_STYLES]
         return [_shown(name, p.motion) for p, _ in made], [style for _, style in made]
-    can = performing.creature_named(name).contents
+    can = performing.get_creature(name).contents
     wishes = [(content, style) for content in can for style in (STYLES if content == "walk" else STYLES[:1])]
     made = [actor.perform(content, style, seed=3, seconds=8, performer=name) for content, style in wishes]
     return [_shown(content, p.motion) for (content, _), p in zip(wishes, made)], [" ".join(wish) for wish in wishes]

@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import motionkit as mk
-from motionkit.actor import SEEN, UNSEEN, Performance, Performer, perform, performing, retell
+from motionkit.actor import Performance, Performer, perform, performing, retell
+from motionkit.actor.style import HELD_OUT_STYLES, TRAIN_STYLES
 
 FOLDER = Path(__file__).resolve().parent.parent / "data" / "actor"
 # content, style, seconds: quick styles hold a whole gesture in three seconds, slow ones need more
@@ -46,7 +47,7 @@ CREATURES = (
 def clips() -> Iterator[tuple[Performance, tuple[str, ...], str, str]]:
     """Performances with sentences, who performs, and the take: one walk told in all styles, then all else."""
     walk = perform("walk", "neutral", seed=1, performer=Performer(seed=1), seconds=4)  # of usual height and build
-    for style in SEEN + UNSEEN:
+    for style in TRAIN_STYLES + HELD_OUT_STYLES:
         told = retell(walk, style)
         yield told, told.captions, "person 01", "walk"
     for number, (content, style, seconds) in enumerate(PEOPLE, 2):

@@ -10,14 +10,14 @@ from __future__ import annotations
 from .bodies import Performer
 from .performing import Performance, perform, retell
 from .score import CONTENTS
-from .style import SEEN, UNSEEN, Style, mix, parameters, style_named
+from .style import HELD_OUT_STYLES, TRAIN_STYLES, Style, get_style, mix, parameters
 
 VERSION = 1  # raised when what is performed changes: caches and kept results go by it
 
 __all__ = [
     "CONTENTS",
-    "SEEN",
-    "UNSEEN",
+    "TRAIN_STYLES",
+    "HELD_OUT_STYLES",
     "VERSION",
     "Performance",
     "Performer",
@@ -26,5 +26,5 @@ __all__ = [
     "parameters",
     "perform",
     "retell",
-    "style_named",
+    "get_style",
 ]

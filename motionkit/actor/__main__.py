@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .style import SEEN, UNSEEN, parameters, style_named
+from .style import HELD_OUT_STYLES, TRAIN_STYLES, get_style, parameters
 
 _HEAD = """# Styles
 
@@ -24,10 +24,10 @@ def markdown() -> str:
     for name, p in parameters().items():
         lines += _row(f"`{name}`", f"{p.neutral:g}", f"{p.low:g}", f"{p.high:g}", p.unit, p.about)
     lines += ["", "## The styles, by what differs from neutral", "", *_row("style", "", "numbers"), _line(3)]
-    for name in SEEN + UNSEEN:
-        style = style_named(name)
+    for name in TRAIN_STYLES + HELD_OUT_STYLES:
+        style = get_style(name)
         differ = [f"{n} {v:g}" for n, v in style.values().items() if v != parameters()[n].neutral]
-        lines += _row(name, "held back" if name in UNSEEN else "", ", ".join(differ))
+        lines += _row(name, "held back" if name in HELD_OUT_STYLES else "", ", ".join(differ))
     return "\n".join(lines) + "\n"
 
 

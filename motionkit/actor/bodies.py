@@ -77,7 +77,7 @@ class Performer:
         return style.replace(**changes)
 
 
-def performer_of(given: Performer | int | None, seed: int) -> Performer:
+def get_performer(given: Performer | int | None, seed: int) -> Performer:
     """A performer as users name one: a number, a `Performer`, or none (then the clip's seed decides)."""
     if not isinstance(seed, int):
         raise MotionKitError(f"seed: expected a whole number; found {seed!r}")
@@ -124,7 +124,7 @@ class Leg:
 
 
 @dataclass(frozen=True)
-class Deed:
+class CreatureAction:
     """Something done in place. beats: how long. add: puts it on the curves, given (moment, curves, act, beats since its
     start, reach). steps: (leg's number, beat when it lifts, beat when it lands, metres ahead of where it stood).
     """
@@ -152,7 +152,7 @@ class Species:
     legs: tuple[Leg, ...]
     chains: dict[str, tuple[str, ...]]
     gaits: dict[str, str]
-    deeds: dict[str, Deed]
+    deeds: dict[str, CreatureAction]
     step: float
     rate: float
     life: Callable
@@ -207,8 +207,8 @@ def _mirrored_bone(bone: Bone) -> Bone:
 class Creature:
     """One creature of a species. seed: which one. size: x, against the usual. habits: as a `Performer`'s.
 
-    >>> from motionkit.actor.performing import creature_named
-    >>> dog = creature_named("dog", seed=2)
+    >>> from motionkit.actor.performing import get_creature
+    >>> dog = get_creature("dog", seed=2)
     >>> dog.name, 0.85 <= dog.size <= 1.15, len(dog.feet)
     ('dog', True, 4)
     """

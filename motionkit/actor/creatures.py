@@ -7,9 +7,9 @@ import math
 import torch
 from torch import Tensor
 
-from .bodies import Deed, Leg, Species, both_sides
-from .curves import Curves, Moment, delayed, hold, low, pair
-from .score import Act
+from .bodies import CreatureAction, Leg, Species, both_sides
+from .curves import Curves, PoseContext, delayed, hold, low, pair
+from .score import Action
 
 _CRAB_PARTS = ("hip", "knee", "ankle", "tip")
 _ROWS = ((0.13, 0.33, 0.42), (0.05, 0.12, 0.16), (-0.04, -0.11, -0.13), (-0.12, -0.31, -0.4))  # z of hip, knee, tip
@@ -56,7 +56,7 @@ def _crab_legs() -> tuple[Leg, ...]:
     return tuple(legs)
 
 
-def _crab_life(at: Moment, curves: Curves) -> None:
+def _crab_life(at: PoseContext, curves: Curves) -> None:
     """Claws held ready, that row with the steps; eyes that turn; a body that hangs between its legs."""
     s, down, go, late = at.style, low(at), at.going, at.style.follow_through
     angry = max(s.sharpness - 0.4, 0.0) + max(s.shoulder_lift, 0.0)
@@ -81,7 +81,7 @@ def _crab_life(at: Moment, curves: Curves) -> None:
     curves.add("right_claw_wrist.yaw", 1.5 * s.tremor * torch.sin(2 * math.pi * 4.7 * at.seconds))
 
 
-def _threat(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None:
+def _threat(at: PoseContext, curves: Curves, act: Action, b: Tensor, reach: float) -> None:
     """Up on its legs, claws wide and high; they beat twice, then sink."""
     up = hold(at, b, (0.3, 1.8), (5.4, 7.2))
     beat = hold(at, b, (1.8, 2.2), (4.8, 5.3)) * torch.sin(2 * math.pi * (b - 1.8) / 1.5)
@@ -104,7 +104,7 @@ CRAB = Species(
     legs=_crab_legs(),
     chains={"neck": ("face",), "tail": ("shell",), "left_claw": _claw("left"), "right_claw": _claw("right")},
     gaits={"walk": "walk", "walk_turn_left": "walk_turn_left", "walk_turn_right": "walk_turn_right"},
-    deeds={"threat": Deed(7.5, _threat)},
+    deeds={"threat": CreatureAction(7.5, _threat)},
     step=0.15,
     rate=2.7,
     life=_crab_life,
@@ -146,7 +146,7 @@ _DOG_BONES = both_sides((
 _SIT, _STAND = (0.3, 2.4), (4.6, 6.4)  # beats
 
 
-def _dog_life(at: Moment, curves: Curves) -> None:
+def _dog_life(at: PoseContext, curves: Curves) -> None:
     """Ears that fall and swing, a tail that wags, and a trot that lifts the back."""
     s, down = at.style, low(at)
     wag = (0.1 + 0.5 * s.arm_swing) * max(0.15, 1 - 1.1 * max(down, 0)) * (1 - 0.5 * s.sharpness)
@@ -160,7 +160,7 @@ def _dog_life(at: Moment, curves: Curves) -> None:
     curves.add("spine.pitch", -0.06 * at.going * at.wave(0.5, double=True))
 
 
-def _sit(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None:
+def _sit(at: PoseContext, curves: Curves, act: Action, b: Tensor, reach: float) -> None:
     down, deep = hold(at, b, _SIT, _STAND), min(0.62 + 0.38 * reach, 1.06)
     size = at.performer.leg / 0.53
     curves.blend("root.up", -0.33 * size * deep, down)
@@ -202,7 +202,7 @@ DOG = Species(
     gaits={
         "walk": "walk", "walk_turn_left": "walk_turn_left", "walk_turn_right": "walk_turn_right", "trot": "run",
     },
-    deeds={"sit": Deed(7.0, _sit, _STEPS)},
+    deeds={"sit": CreatureAction(7.0, _sit, _STEPS)},
     step=0.34,
     rate=2.4,
     life=_dog_life,
@@ -251,7 +251,7 @@ def _wings(curves: Curves, spread: Tensor | float, raised: Tensor | float) -> No
     pair(curves, "WingTip_L", yaw=0.25 * spread)
 
 
-def _dragon_life(at: Moment, curves: Curves) -> None:
+def _dragon_life(at: PoseContext, curves: Curves) -> None:
     """The body winds from side to side between its legs; neck, wings and tail come after."""
     s, down, go, late = at.style, low(at), at.going, at.style.follow_through
     pride = max(-down, 0.0)
@@ -272,7 +272,7 @@ def _dragon_life(at: Moment, curves: Curves) -> None:
     pair(curves, "WingHand_L", roll=delayed(bounce, at.beats, late))
 
 
-def _roar(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None:
+def _roar(at: PoseContext, curves: Curves, act: Action, b: Tensor, reach: float) -> None:
     """It draws back, throws its head forward with open jaws, beats its wings and folds them again."""
     draw, roar = hold(at, b, (0.1, 1.0), (1.05, 1.6)), hold(at, b, (1.15, 1.65), (3.1, 3.9))
     spread = hold(at, b, (0.3, 1.5), (3.2, 4.3))
@@ -313,7 +313,7 @@ DRAGON = Species(
         **{f"wing_{side}": tuple(f"Wing{p}_{side}" for p in ("Arm", "Elbow", "Hand", "Tip")) for side in "LR"},
     },
     gaits={"walk": "walk", "walk_turn_left": "walk_turn_left", "walk_turn_right": "walk_turn_right"},
-    deeds={"roar": Deed(4.5, _roar)},
+    deeds={"roar": CreatureAction(4.5, _roar)},
     step=0.36,
     rate=1.5,
     life=_dragon_life,
@@ -347,7 +347,7 @@ _OSTRICH_BONES = both_sides((
 ))  # fmt: skip
 
 
-def _ostrich_life(at: Moment, curves: Curves) -> None:
+def _ostrich_life(at: PoseContext, curves: Curves) -> None:
     """The head stays behind and jerks after, the wings hang or lift, running carries them spread."""
     s, down, go, late = at.style, low(at), at.going, at.style.follow_through
     pride = max(-down, 0.0)
@@ -366,7 +366,7 @@ def _ostrich_life(at: Moment, curves: Curves) -> None:
     curves.add("spine.yaw", -go * 0.05 * at.wave(0.2))
 
 
-def _peck(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None:
+def _peck(at: PoseContext, curves: Curves, act: Action, b: Tensor, reach: float) -> None:
     """The long neck goes down to the ground, the beak picks three times, and up it comes with a swallow."""
     down = hold(at, b, (0.0, 1.7), (3.1, 4.9))
     deep = min(0.55 + 0.45 * reach, 1.05)
@@ -403,7 +403,7 @@ OSTRICH = Species(
     gaits={
         "walk": "walk", "walk_turn_left": "walk_turn_left", "walk_turn_right": "walk_turn_right", "run": "run",
     },
-    deeds={"peck": Deed(5.0, _peck)},
+    deeds={"peck": CreatureAction(5.0, _peck)},
     step=0.62,
     rate=1.6,
     life=_ostrich_life,

@@ -11,7 +11,7 @@ from torch import Tensor
 from .bodies import Performer, mirrored
 from .footsteps import RUN_DUTY, SIDES, WALK_DUTY, punch_step, stand_width
 from .path import Route
-from .score import JUMP_FLIGHT, Act, Score, interpolate, jump_height, smooth
+from .score import JUMP_FLIGHT, Action, MotionPlan, interpolate, jump_height, smooth
 from .style import Style
 
 # Fitted to captured walks: the pelvis' surge (leg lengths) and its asymmetry, the trunk's answer (radians), the bob and
@@ -46,10 +46,10 @@ class Curves(dict):
 
 
 @dataclass(frozen=True)
-class Moment:
+class PoseContext:
     """All that layers look at. beats, seconds: [F]. going, running, backing: [F], see `Route`."""
 
-    score: Score
+    score: MotionPlan
     style: Style
     performer: Performer
     route: Route
@@ -61,8 +61,8 @@ class Moment:
 
     @classmethod
     def of(
-        cls, score: Score, style: Style, performer: Performer, route: Route, beats: Tensor, seconds: Tensor
-    ) -> Moment:
+        cls, score: MotionPlan, style: Style, performer: Performer, route: Route, beats: Tensor, seconds: Tensor
+    ) -> PoseContext:
         """Reads the route at the frames' beats."""
         shares = (route.at(beats, what) for what in ("going", "running", "backing"))
         return cls(score, style, performer, route, beats, seconds, *shares)
@@ -77,11 +77,11 @@ class Moment:
         return torch.cos((2 if double else 1) * math.pi * (self.beats - late))
 
     def noise(self, name: str, slow: float = 1.0) -> Tensor:
-        """`Score.noise` at the frames."""
+        """`MotionPlan.noise` at the frames."""
         return self.score.noise(name, self.beats, slow)
 
 
-def posture(at: Moment, curves: Curves) -> None:
+def posture(at: PoseContext, curves: Curves) -> None:
     """How the body is held, standing or moving."""
     s = at.style
     curves.add("root.up", -s.crouch * at.performer.leg)
@@ -100,7 +100,7 @@ def posture(at: Moment, curves: Curves) -> None:
         curves.add(f"{side}.round", 0.45 * s.slump)
 
 
-def breath(at: Moment, curves: Curves) -> None:
+def breath(at: PoseContext, curves: Curves) -> None:
     """What never stops: breathing, shifting the weight, looking about, and what age or drink add."""
     s, leg = at.style, at.performer.leg
     breathing = torch.sin(2 * math.pi * at.beats / 6.5 + at.score.draw("breath")) * (s.variability > 0)
@@ -122,7 +122,7 @@ def breath(at: Moment, curves: Curves) -> None:
     _tremble(at, curves)
 
 
-def _tremble(at: Moment, curves: Curves) -> None:
+def _tremble(at: PoseContext, curves: Curves) -> None:
     if not at.style.tremor:
         return
     for n, part in enumerate(("left.hand", "left.elbow", "right.hand", "right.elbow", "head.yaw")):
@@ -130,7 +130,7 @@ def _tremble(at: Moment, curves: Curves) -> None:
         curves.add(part, size * torch.sin(2 * math.pi * (4.6 + 0.2 * n) * at.seconds + n))
 
 
-def gait(at: Moment, curves: Curves) -> None:
+def gait(at: PoseContext, curves: Curves) -> None:
     """What goes with the steps: the pelvis over the feet, shoulders against hips, arms against legs."""
     s, leg, go = at.style, at.performer.leg, at.going
     run = at.running
@@ -160,13 +160,13 @@ def gait(at: Moment, curves: Curves) -> None:
     _arm_swing(at, curves, go * ahead, vary)
 
 
-def _limp(at: Moment, curves: Curves) -> None:
+def _limp(at: PoseContext, curves: Curves) -> None:
     weak = at.going * at.style.asymmetry * (0.5 + 0.5 * at.wave(at.duty))
     curves.add("root.up", -0.05 * at.performer.leg * weak.abs())
     curves.add("spine.roll", 0.3 * weak)
 
 
-def _turning(at: Moment, curves: Curves) -> None:
+def _turning(at: PoseContext, curves: Curves) -> None:
     """Who turns leans in and looks ahead."""
     now, soon = at.route.at(at.beats, "heading"), at.route.at(at.beats + 1.2, "heading")
     turn = at.going * (soon - now).clamp(-1, 1)
@@ -175,7 +175,7 @@ def _turning(at: Moment, curves: Curves) -> None:
     curves.add("pelvis.roll", 0.07 * turn * (1 + at.running))
 
 
-def _arm_swing(at: Moment, curves: Curves, go: Tensor, vary: Tensor) -> None:
+def _arm_swing(at: PoseContext, curves: Curves, go: Tensor, vary: Tensor) -> None:
     s, run, lag = at.style, at.running, at.style.follow_through
     for side, sign in SIDES.items():
         size = (s.arm_swing * (1 + 0.25 * run) + 0.12 * run) * vary * (1 + 0.06 * s.variability * at.noise(side))
@@ -189,18 +189,18 @@ def _arm_swing(at: Moment, curves: Curves, go: Tensor, vary: Tensor) -> None:
         curves.add(f"{side}.shrug", go.abs() * 0.02 * s.bob * at.wave(lag + 0.1, double=True))
 
 
-def ramp(at: Moment, beats: Tensor, start: float, stop: float) -> Tensor:
+def ramp(at: PoseContext, beats: Tensor, start: float, stop: float) -> Tensor:
     """0 to 1 between two beats; the sharper the style, the shorter the way in the middle of that time."""
     margin = 0.2 * (stop - start) * max(at.style.sharpness - 0.3, 0.0)
     return smooth((beats - start - margin) / (stop - start - 2 * margin))
 
 
-def hold(at: Moment, beats: Tensor, rise: tuple[float, float], fall: tuple[float, float]) -> Tensor:
+def hold(at: PoseContext, beats: Tensor, rise: tuple[float, float], fall: tuple[float, float]) -> Tensor:
     """0, up to 1, held, and down to 0 again."""
     return ramp(at, beats, *rise) * (1 - ramp(at, beats, *fall))
 
 
-def gestures(at: Moment, curves: Curves) -> None:
+def gestures(at: PoseContext, curves: Curves) -> None:
     """All gestures of the score."""
     for act in at.score.acts:
         add = _GESTURES.get(act.name)
@@ -209,7 +209,7 @@ def gestures(at: Moment, curves: Curves) -> None:
             add(at, curves, act, at.beats - act.start, at.style.reach * size)
 
 
-def _sides(act: Act) -> tuple[str, str]:
+def _sides(act: Action) -> tuple[str, str]:
     return ("left", "right") if act.side > 0 else ("right", "left")
 
 
@@ -219,7 +219,7 @@ def _arrive(b: Tensor, start: float, stop: float, low: float, high: float, speed
     return low + (high - low) * (3 * x * x - 2 * x**3) + speed * span * (x**3 - x * x)
 
 
-def _jump(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None:
+def _jump(at: PoseContext, curves: Curves, act: Action, b: Tensor, reach: float) -> None:
     leg, height = at.performer.leg, jump_height(at.style, at.performer, act.size)
     up, down = JUMP_FLIGHT
     deep, toes = min(0.24, 0.14 + 0.1 * reach) * leg, 0.05 * leg
@@ -249,7 +249,7 @@ def _settled(b: Tensor, start: float, stop: float) -> Tensor:
     return x * x * (3 - 2 * x)
 
 
-def _kick(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None:
+def _kick(at: PoseContext, curves: Curves, act: Action, b: Tensor, reach: float) -> None:
     mine, other = _sides(act)
     up = hold(at, b, (0.2, 1.1), (3.7, 4.7))
     lifted = kick_lift(at, b)
@@ -267,17 +267,17 @@ def _kick(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None
         curves.blend(f"{side}.elbow", 1.15, lifted)
 
 
-def kick_lift(at: Moment, b: Tensor) -> Tensor:
+def kick_lift(at: PoseContext, b: Tensor) -> Tensor:
     """How far a kick's foot has left the ground for where the kick takes it, 0 to 1, at beats since its start."""
     return hold(at, b, (1.0, 1.75), (3.1, 3.95))
 
 
-def kick_reach(at: Moment, b: Tensor) -> Tensor:
+def kick_reach(at: PoseContext, b: Tensor) -> Tensor:
     """How far the kicking leg is stretched, 0 to 1."""
     return hold(at, b, (1.85, 2.35), (2.45, 3.0))
 
 
-def kick_target(at: Moment, act: Act, hip: Tensor, forward: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def kick_target(at: PoseContext, act: Action, hip: Tensor, forward: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Ankle of the kicking foot: place [F, 3], pitch of the foot [F], and the share [F] in which both hold.
 
     hip: [F, 3] metres. forward: unit vectors [F, 3] on the ground.
@@ -293,7 +293,7 @@ def kick_target(at: Moment, act: Act, hip: Tensor, forward: Tensor) -> tuple[Ten
     return hip + chamber + (stretched - chamber) * out, pitch, kick_lift(at, b)
 
 
-def _punch(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None:
+def _punch(at: PoseContext, curves: Curves, act: Action, b: Tensor, reach: float) -> None:
     rear, front = _sides(act)  # the rear hand is the strong one
     leg = at.performer.leg
     guard = hold(at, b, (0.1, 0.95), (4.0, 4.9))
@@ -317,7 +317,7 @@ def _punch(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> Non
         curves.add("root.ahead", 0.05 * leg * strong * hit)
 
 
-def _wave(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None:
+def _wave(at: PoseContext, curves: Curves, act: Action, b: Tensor, reach: float) -> None:
     side, _ = _sides(act)
     late = at.style.follow_through
     up = hold(at, b, (0.3, 1.5), (5.5, 6.8))
@@ -336,7 +336,7 @@ def _wave(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None
     curves.add("head.roll", act.side * 0.05 * up)
 
 
-def _raise_hands(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None:
+def _raise_hands(at: PoseContext, curves: Curves, act: Action, b: Tensor, reach: float) -> None:
     late = at.style.follow_through
     up = hold(at, b, (0.4, 1.9), (3.4, 5.2))
     elbow = hold(at, b, (0.4 + late, 1.9 + late), (3.3, 5.0 + late))
@@ -352,7 +352,7 @@ def _raise_hands(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) 
     curves.add("root.ahead", -0.02 * at.performer.leg * up)
 
 
-def _bow(at: Moment, curves: Curves, act: Act, b: Tensor, reach: float) -> None:
+def _bow(at: PoseContext, curves: Curves, act: Action, b: Tensor, reach: float) -> None:
     down = hold(at, b, (0.4, 2.0), (3.2, 5.2))
     late = hold(at, b, (0.4 + at.style.follow_through, 2.2), (3.2, 5.2))
     curves.add("pelvis.pitch", 0.62 * reach * down)
@@ -386,13 +386,13 @@ def delayed(curve: Tensor, beats: Tensor, late: float) -> Tensor:
     return interpolate(beats - late, beats, curve) if late > 0 and len(beats) > 1 else curve
 
 
-def low(at: Moment) -> float:
+def low(at: PoseContext) -> float:
     """How low a creature carries itself: 0 neutral, about 1 for the tired, about -0.6 for the proud."""
     s = at.style
     return (s.slump - 0.05) + 0.6 * (s.lean - 0.03) + 0.7 * (s.head_pitch - 0.04)
 
 
-def creature_posture(at: Moment, curves: Curves) -> None:
+def creature_posture(at: PoseContext, curves: Curves) -> None:
     """How the body is held, standing or moving."""
     s, size, kind = at.style, at.performer.leg, at.performer.species
     curves.add("root.up", -0.65 * s.crouch * size - 0.06 * size * max(low(at), 0.0))
@@ -403,7 +403,7 @@ def creature_posture(at: Moment, curves: Curves) -> None:
     curves.add("tail.pitch", -0.9 * low(at) + 0.5 * max(s.sharpness - 0.4, 0.0))
 
 
-def creature_breath(at: Moment, curves: Curves) -> None:
+def creature_breath(at: PoseContext, curves: Curves) -> None:
     """What never stops: breathing, shifting the weight, looking about, a tail that plays, and what age or drink add."""
     s, size = at.style, at.performer.leg
     breathing = torch.sin(2 * math.pi * at.beats / 5.0 + at.score.draw("breath")) * (s.variability > 0)
@@ -427,7 +427,7 @@ def creature_breath(at: Moment, curves: Curves) -> None:
         curves.add(part, s.tremor * (1.0, 0.8, 1.5, 0.7)[n] * tremble)
 
 
-def creature_gait(at: Moment, curves: Curves) -> None:
+def creature_gait(at: PoseContext, curves: Curves) -> None:
     """What goes with the steps: the trunk over the feet, the spine against the hips, neck and tail after them."""
     s, size, go, kind = at.style, at.performer.leg, at.going, at.performer.species
     vary, run = 1 + 0.1 * s.variability * at.noise("amplitude"), at.running
@@ -455,7 +455,7 @@ def creature_gait(at: Moment, curves: Curves) -> None:
     _creature_turning(at, curves)
 
 
-def _creature_turning(at: Moment, curves: Curves) -> None:
+def _creature_turning(at: PoseContext, curves: Curves) -> None:
     """Who turns bends into the turn, nose first, and the tail comes after."""
     before, now, soon = (at.route.at(at.beats + b, "heading") for b in (-0.8, 0.0, 1.0))
     ahead, behind = at.going * (soon - now).clamp(-1, 1), at.going * (now - before).clamp(-1, 1)

@@ -11,7 +11,7 @@ from torch import Tensor
 from .. import rotations as rot
 from .bodies import HEEL, Creature, Leg, Performer
 from .path import Route
-from .score import JUMP_FLIGHT, Score, smooth
+from .score import JUMP_FLIGHT, MotionPlan, smooth
 from .style import Style
 
 WALK_DUTY, RUN_DUTY = 0.4965, 0.233  # share of a cycle of two beats in which a foot stands
@@ -49,7 +49,7 @@ def stand_width(style: Style, performer: Performer) -> float:
 class Planner:
     """Plans the footsteps of one performance; `plan()` gives the plants of both feet in order of time."""
 
-    def __init__(self, score: Score, style: Style, performer: Performer, route: Route) -> None:
+    def __init__(self, score: MotionPlan, style: Style, performer: Performer, route: Route) -> None:
         self.score, self.style, self.performer, self.route = score, style, performer, route
         self.feet: dict[str, list[Plant]] = {"left": [], "right": []}
 
@@ -185,7 +185,7 @@ def move_foot(plants: list[Plant], beats: Tensor, style: Style, performer: Perfo
     pitch = torch.where(planted, _stance_pitch(beats, here, there), _swing_pitch(v, here, there))
     stance = _planted_ankle(here, pitch, performer)
     eased = _eased(v, style.sharpness)
-    yaw = here["yaw"] + rot.wrap(there["yaw"] - here["yaw"]) * eased
+    yaw = here["yaw"] + rot.wrap_angle(there["yaw"] - here["yaw"]) * eased
     flying = _flying_ankle(v, eased, yaw, pitch, here, there, performer)
     ankle = torch.where(planted[:, None], stance, flying)
     turn = _turn(torch.where(planted, here["yaw"], yaw), pitch)
@@ -318,7 +318,7 @@ class FootPath:
 class Footing:
     """Plans the stands of every leg; `plan()` gives them in order of time, one list a leg."""
 
-    def __init__(self, score: Score, style: Style, creature: Creature, route: Route) -> None:
+    def __init__(self, score: MotionPlan, style: Style, creature: Creature, route: Route) -> None:
         self.score, self.style, self.creature, self.route = score, style, creature, route
         self.duty = creature.species.duty
 
@@ -423,7 +423,7 @@ def move_creature_foot(stands: list[Stand], leg: Leg, beats: Tensor, style: Styl
     height = level + there["raised"] * torch.sin(math.pi * v**0.9) ** 2
     flat = torch.stack([torch.lerp(here[c], there[c], eased) for c in "xz"])
     place = torch.stack((flat[0], height, flat[1]), 1)
-    yaw = here["yaw"] + rot.wrap(there["yaw"] - here["yaw"]) * eased
+    yaw = here["yaw"] + rot.wrap_angle(there["yaw"] - here["yaw"]) * eased
     droop = torch.where(planted, 0.0, (0.25 + leg.fold) * torch.sin(math.pi * v) ** 2)
     room = torch.asin((level + 0.8 * (height - level)).clamp(max=0.99 * toes) / toes) - math.asin(level / toes)
     droop = droop * room / (droop + room + 1e-9)  # toes do not dip into the floor

@@ -12,7 +12,7 @@ from torch import Tensor
 from ..errors import MotionKitError
 from ..files import MotionKitWarning
 from .bodies import Performer
-from .score import FINE, WALKS, Act, Score, interpolate, smooth
+from .score import FINE, WALKS, Action, MotionPlan, interpolate, smooth
 from .style import Style
 
 SHARPEST = 0.7  # radians that a walker turns in one step at most
@@ -127,7 +127,7 @@ class Route:
         return interpolate(beats, self.axis, getattr(self, what))
 
 
-def plan_route(score: Score, style: Style, performer: Performer, axis: Tensor) -> Route:
+def plan_route(score: MotionPlan, style: Style, performer: Performer, axis: Tensor) -> Route:
     """Follow the score's path, or walk ahead and turn where it says."""
     going = score.weight(axis, WALKS)
     running, backing = score.weight(axis, ("run",)), score.weight(axis, ("walk_back",))
@@ -151,12 +151,12 @@ def plan_route(score: Score, style: Style, performer: Performer, axis: Tensor) -
     return Route(axis, place - start, heading, going, running, backing)
 
 
-def _turn_beats(act: Act, score: Score) -> float:
+def _turn_beats(act: Action, score: MotionPlan) -> float:
     shown = min(act.stop, score.last) - max(act.start, score.first)
     return min(0.6 * shown, 2.2 + 1.6 * abs(act.turn))
 
 
-def _turn_begin(act: Act, score: Score) -> float:
+def _turn_begin(act: Action, score: MotionPlan) -> float:
     shown = min(act.stop, score.last) - max(act.start, score.first)
     free = shown - _turn_beats(act, score)
     return max(act.start, score.first) + free * (0.4 + 0.08 * max(-2, min(2, act.size)))

@@ -15,27 +15,37 @@ from ..errors import MotionKitError
 from ..motion import Motion
 from ..skeleton import Skeleton
 from ..text.captions import performed_captions
-from .bodies import Creature, Deed, Leg, Performer, Species, performer_of
+from .bodies import Creature, CreatureAction, Leg, Performer, Species, get_performer
 from .creatures import CRAB, DOG, DRAGON, OSTRICH
-from .curves import Curves, Moment, breath, creature_breath, creature_gait, creature_posture, gait, gestures, posture
+from .curves import (
+    Curves,
+    PoseContext,
+    breath,
+    creature_breath,
+    creature_gait,
+    creature_posture,
+    gait,
+    gestures,
+    posture,
+)
 from .footsteps import SIDES, Footing, Planner, move_creature_foot, move_foot
 from .path import WALK_STEP, Route, checked_path, plan_route
-from .pose import assemble, assemble_creature
+from .pose import assemble_creature, assemble_pose
 from .score import (
     GESTURES,
     WALKS,
-    Score,
+    MotionPlan,
     as_walked,
     beat_seconds,
-    compose,
-    compose_creature,
     contents_for,
     contents_of,
     fine_axis,
     interpolate,
+    plan_actions,
+    plan_creature_actions,
     seconds_of,
 )
-from .style import Style, nearest, style_named
+from .style import Style, get_style, nearest
 
 _AROUND = 6.0  # beats planned before and after what is shown
 
@@ -56,7 +66,7 @@ class Performance:
     style: Style
     seed: int
     performer: Performer | Creature
-    score: Score
+    score: MotionPlan
     captions: tuple[str, ...] = ()
 
     def __len__(self) -> int:
@@ -122,11 +132,11 @@ def perform(
         return perform_creature(
             content, style, seed, seconds=seconds, fps=fps, intensity=intensity, creature=performer, path=path
         )
-    names, style = contents_of(content), style_named(style)
+    names, style = contents_of(content), get_style(style)
     check_numbers(seconds, fps, intensity)
-    person, wanted = performer_of(performer, seed), style.at(intensity) if intensity != 1 else style
+    person, wanted = get_performer(performer, seed), style.at(intensity) if intensity != 1 else style
     score = _fitting(names, int(seed), seconds, wanted, person, checked_path(path))
-    return _tell(score, ", ".join(names), wanted, person, fps, round(seconds * fps))
+    return _perform_plan(score, ", ".join(names), wanted, person, fps, round(seconds * fps))
 
 
 def retell(performance: Performance, style: str | Style, intensity: float = 1.0) -> Performance:
@@ -145,12 +155,12 @@ def retell(performance: Performance, style: str | Style, intensity: float = 1.0)
             f"retell: only what the performer did can be told again, as of perform('walk'); found {performance!r}. "
             "For a motion from a file take a method: methods.load('statistics').stylize(...)"
         )
-    wanted = style_named(style).at(intensity) if intensity != 1 else style_named(style)
+    wanted = get_style(style).at(intensity) if intensity != 1 else get_style(style)
     told = performance.score, performance.content, wanted, performance.performer, performance.motion.fps
     if isinstance(performance.performer, Performer):
-        return _tell(*told)
+        return _perform_plan(*told)
 
-    return tell_creature(*told)
+    return perform_plan(*told)
 
 
 def check_numbers(seconds: float, fps: float, intensity: float) -> None:
@@ -166,12 +176,12 @@ def check_numbers(seconds: float, fps: float, intensity: float) -> None:
 
 def _fitting(
     names: tuple[str, ...], seed: int, seconds: float, style: Style, person: Performer, path: Tensor | None
-) -> Score:
+) -> MotionPlan:
     """The score whose performance takes so many seconds: beats and seconds depend on each other, so look twice."""
     own = person.as_done_by(style)
     beats = seconds * 1.85 * own.tempo
     for _ in range(8):
-        score = compose(names, seed, beats, path, seconds)
+        score = plan_actions(names, seed, beats, path, seconds)
         taken = _length(score, own, person)
         if abs(taken - seconds) < 1e-3:
             break
@@ -179,17 +189,17 @@ def _fitting(
     return score
 
 
-def _length(score: Score, own: Style, person: Performer) -> float:
+def _length(score: MotionPlan, own: Style, person: Performer) -> float:
     axis = fine_axis(score.first, score.last)
     times = seconds_of(axis, beat_seconds(score, own, person, axis))
     ends = interpolate(torch.tensor([score.first, score.last], dtype=axis.dtype), axis, times)
     return float(ends[1] - ends[0])
 
 
-def _tell(
-    score: Score, content: str, style: Style, person: Performer, fps: float, frames: int | None = None
+def _perform_plan(
+    score: MotionPlan, content: str, style: Style, person: Performer, fps: float, frames: int | None = None
 ) -> Performance:
-    motion, contacts, beats = realise(score, style, person, fps, frames)
+    motion, contacts, beats = synthesize(score, style, person, fps, frames)
     name = f"{content.replace(', ', '-')}_{style.name}_{score.seed}"
     motion = replace(
         motion,
@@ -202,8 +212,8 @@ def _tell(
     return Performance(motion, contacts, beats, content, style, score.seed, person, score, told)
 
 
-def realise(
-    score: Score, style: Style, person: Performer, fps: float, frames: int | None = None
+def synthesize(
+    score: MotionPlan, style: Style, person: Performer, fps: float, frames: int | None = None
 ) -> tuple[Motion, Tensor, Tensor]:
     """The motion in float64, contacts [F, 4] and beats [F] of a score. frames: F; left out, all that it holds."""
     own = person.as_done_by(style)
@@ -214,14 +224,14 @@ def realise(
     seconds = torch.arange(count, dtype=torch.float64) / fps
     beats = interpolate(seconds + shown[0], times, axis)
     route = plan_route(score, own, person, axis)
-    at = Moment.of(score, own, person, route, beats, seconds)
+    at = PoseContext.of(score, own, person, route, beats, seconds)
     curves = Curves(count)
     for layer in (posture, breath, gait, gestures):
         layer(at, curves)
     plants = Planner(score, own, person, route).plan()
     feet = {side: move_foot(plants[side], beats, own, person) for side in SIDES}
     contacts = torch.cat([feet[side].stands for side in SIDES], 1)
-    return assemble(at, curves, feet, fps), contacts, beats
+    return assemble_pose(at, curves, feet, fps), contacts, beats
 
 
 # Each joint: its parent, and the joint of the 22 whose bone and turn it has, with its share of both.
@@ -256,11 +266,11 @@ def _perform_humanoid(
     return replace(told, motion=replace(motion, skeleton=motion.skeleton.as_float()), performer=who)
 
 
-def _realise_humanoid(
-    score: Score, style: Style, who: Creature, fps: float, frames: int | None = None
+def _synthesize_humanoid(
+    score: MotionPlan, style: Style, who: Creature, fps: float, frames: int | None = None
 ) -> tuple[Motion, Tensor, Tensor]:
-    """As `motionkit.actor.performing.realise`, on this rig."""
-    motion, contacts, beats = realise(score, style, _person_inside(who), fps, frames)
+    """As `motionkit.actor.performing.synthesize`, on this rig."""
+    motion, contacts, beats = synthesize(score, style, _person_inside(who), fps, frames)
     return on_the_rig(motion, _person_inside(who)), contacts, beats
 
 
@@ -322,7 +332,7 @@ HUMANOID = Species(
     legs=tuple(Leg((f"{s}UpLeg", f"{s}Leg", f"{s}Foot", f"{s}ToeBase"), (0.0, 0.0)) for s in ("Left", "Right")),
     chains={"neck": ("Neck", "Neck1", "Head")},
     gaits={walk: walk for walk in WALKS},
-    deeds={name: Deed(beats, _nothing) for name, beats in GESTURES.items() if name != "idle"},
+    deeds={name: CreatureAction(beats, _nothing) for name, beats in GESTURES.items() if name != "idle"},
     step=0.7,
     rate=1.85,
     life=_nothing,
@@ -337,10 +347,10 @@ _FASTER = 1.5  # how much quicker than a walk's the beats of a run or trot are
 _STEADY = 0.5  # of a person's swerves: a long body swings far out in each
 
 
-def creature_named(name: str | Creature, seed: int = 0) -> Creature:
+def get_creature(name: str | Creature, seed: int = 0) -> Creature:
     """A creature by its species' name and number (a `Creature` is passed on); MotionKitError names the nearest.
 
-    >>> creature_named("crab").contents
+    >>> get_creature("crab").contents
     ('walk', 'walk_turn_left', 'walk_turn_right', 'idle', 'threat')
     """
     if isinstance(name, Creature):
@@ -372,20 +382,20 @@ def perform_creature(
     >>> p.motion, p.contacts.shape
     (Motion('dog_trot_proud_1', 120 frames at 30 fps, 4.0 s, 33 joints), torch.Size([120, 4]))
     """
-    who, style = creature_named(creature, seed), style_named(style)
+    who, style = get_creature(creature, seed), get_style(style)
     check_numbers(seconds, fps, intensity)
     names, wanted = contents_for(who, content), style.at(intensity) if intensity != 1 else style
     if who.name == HUMANOID.name:
         return _perform_humanoid(content, wanted, seed, who, seconds, fps, path)
     score = _creature_score(names, int(seed), seconds, wanted, who, checked_path(path))
-    return tell_creature(score, ", ".join(names), wanted, who, fps, round(seconds * fps))
+    return perform_plan(score, ", ".join(names), wanted, who, fps, round(seconds * fps))
 
 
-def tell_creature(
-    score: Score, content: str, style: Style, creature: Creature, fps: float, frames: int | None = None
+def perform_plan(
+    score: MotionPlan, content: str, style: Style, creature: Creature, fps: float, frames: int | None = None
 ) -> Performance:
     """A score as a performance in float32, with its name."""
-    motion, contacts, beats = realise_creature(score, style, creature, fps, frames)
+    motion, contacts, beats = synthesize_creature(score, style, creature, fps, frames)
     motion = replace(
         motion,
         skeleton=motion.skeleton.as_float(),
@@ -397,12 +407,12 @@ def tell_creature(
     return Performance(motion, contacts, beats, content, style, score.seed, creature, score, told)
 
 
-def realise_creature(
-    score: Score, style: Style, creature: Creature, fps: float, frames: int | None = None
+def synthesize_creature(
+    score: MotionPlan, style: Style, creature: Creature, fps: float, frames: int | None = None
 ) -> tuple[Motion, Tensor, Tensor]:
     """The motion in float64, contacts [F, K] and beats [F] of a score. frames: F; left out, all that it holds."""
     if creature.name == HUMANOID.name:
-        return _realise_humanoid(score, style, creature, fps, frames)
+        return _synthesize_humanoid(score, style, creature, fps, frames)
     own, walked = creature.as_done_by(style), as_walked(score, creature)
     axis = fine_axis(score.first - _AROUND_CREATURE, score.last + _AROUND_CREATURE)
     times = seconds_of(axis, _beat_seconds(walked, own, creature, axis))
@@ -411,7 +421,7 @@ def realise_creature(
     seconds = torch.arange(count, dtype=torch.float64) / fps
     beats = interpolate(seconds + shown[0], times, axis)
     route = _creature_route(walked, own, creature, axis)
-    at = Moment.of(score, own, creature, route, beats, seconds)
+    at = PoseContext.of(score, own, creature, route, beats, seconds)
     curves = Curves(count)
     for layer in (creature_posture, creature_breath, creature_gait, creature.species.life, _creature_deeds):
         layer(at, curves)
@@ -422,7 +432,7 @@ def realise_creature(
     return assemble_creature(at, curves, feet, fps), torch.stack([f.stands for f in feet], 1), beats
 
 
-def _creature_deeds(at: Moment, curves: Curves) -> None:
+def _creature_deeds(at: PoseContext, curves: Curves) -> None:
     for act in at.score.acts:
         deed = at.performer.species.deeds.get(act.name)
         if deed:
@@ -430,7 +440,7 @@ def _creature_deeds(at: Moment, curves: Curves) -> None:
             deed.add(at, curves, act, at.beats - act.start, at.style.reach * size)
 
 
-def _beat_seconds(score: Score, style: Style, creature: Creature, beats: Tensor) -> Tensor:
+def _beat_seconds(score: MotionPlan, style: Style, creature: Creature, beats: Tensor) -> Tensor:
     """Seconds that a beat takes, at each beat [F], as a person's; the larger the creature, the slower."""
     pace = creature.species.rate * creature.size**-0.5 * style.tempo
     pace = pace * (1 + 0.02 * style.variability * score.draw("pace"))
@@ -448,7 +458,7 @@ class _Stride:
         self.leg = creature.species.step * creature.size / WALK_STEP
 
 
-def _creature_route(walked: Score, style: Style, creature: Creature, axis: Tensor) -> Route:
+def _creature_route(walked: MotionPlan, style: Style, creature: Creature, axis: Tensor) -> Route:
     steady = style.replace(wander=_STEADY * style.wander)
     route = plan_route(walked, steady, _Stride(creature), axis)
     facing = creature.species.facing
@@ -463,12 +473,12 @@ def _creature_route(walked: Score, style: Style, creature: Creature, axis: Tenso
 
 def _creature_score(
     names: tuple[str, ...], seed: int, seconds: float, style: Style, creature: Creature, path: Tensor | None
-) -> Score:
+) -> MotionPlan:
     """The score whose performance takes so many seconds: beats and seconds depend on each other, so look again."""
     own = creature.as_done_by(style)
     beats = seconds * creature.species.rate * own.tempo
     for _ in range(8):
-        score = compose_creature(creature, names, seed, beats, path)
+        score = plan_creature_actions(creature, names, seed, beats, path)
         axis = fine_axis(score.first, score.last)
         times = seconds_of(axis, _beat_seconds(as_walked(score, creature), own, creature, axis))
         ends = interpolate(torch.tensor([score.first, score.last], dtype=axis.dtype), axis, times)

@@ -12,14 +12,14 @@ from torch import Tensor
 from .. import rotations as rot
 from ..motion import Motion
 from .bodies import Creature, Leg, Species
-from .curves import Curves, Moment, delayed, kick_target
+from .curves import Curves, PoseContext, delayed, kick_target
 from .footsteps import SIDES, FootMotion, FootPath
 from .score import jump_height, smooth
 
 _STRETCH = 0.992  # of a leg's length: knees never quite lock
 
 
-def assemble(at: Moment, curves: Curves, feet: dict[str, FootMotion], fps: float) -> Motion:
+def assemble_pose(at: PoseContext, curves: Curves, feet: dict[str, FootMotion], fps: float) -> Motion:
     """The motion, float64. curves and feet: at the frames of `at`."""
     skeleton = at.performer.skeleton
     names = {name: n for n, name in enumerate(skeleton.names)}
@@ -37,7 +37,7 @@ def assemble(at: Moment, curves: Curves, feet: dict[str, FootMotion], fps: float
     swing = torch.stack([feet[side].swing for side in SIDES], 1)
     ankles = _at_ease(at, root[:, None] + hips, ankles, swing)
     _legs(at, local, names, root, hips, ankles, turns, {s: f.toe_bend for s, f in feet.items()})
-    return Motion.from_root(skeleton, rot.unroll(local), root, fps)
+    return Motion.from_root(skeleton, rot.quaternion_unroll(local), root, fps)
 
 
 def _euler(pitch: Tensor, yaw: Tensor, roll: Tensor) -> Tensor:
@@ -78,7 +78,7 @@ def _hips(skeleton: object, names: dict[str, int], pelvis: Tensor) -> Tensor:
     return rot.quaternion_rotate(pelvis[:, None], offsets.expand(len(pelvis), 2, 3))
 
 
-def _root(at: Moment, curves: Curves, heading: Tensor) -> Tensor:
+def _root(at: PoseContext, curves: Curves, heading: Tensor) -> Tensor:
     place = at.route.at(at.beats, "place")
     side, ahead = curves["root.side"], curves["root.ahead"]
     x = place[:, 0] + side * torch.cos(heading) + ahead * torch.sin(heading)
@@ -87,7 +87,7 @@ def _root(at: Moment, curves: Curves, heading: Tensor) -> Tensor:
 
 
 def _ankles(
-    at: Moment, feet: dict[str, FootMotion], root: Tensor, hips: Tensor, heading: Tensor
+    at: PoseContext, feet: dict[str, FootMotion], root: Tensor, hips: Tensor, heading: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Where the ankles go [F, 2, 3] and how the feet are turned [F, 2, 4]: as planned, in flight, or kicking."""
     ankles = torch.stack([feet[side].ankle for side in SIDES], 1)
@@ -109,7 +109,7 @@ def _ankles(
     return ankles, turns
 
 
-def _within_reach(at: Moment, root: Tensor, hips: Tensor, ankles: Tensor, fps: float) -> Tensor:
+def _within_reach(at: PoseContext, root: Tensor, hips: Tensor, ankles: Tensor, fps: float) -> Tensor:
     """The pelvis' height [F], lowered smoothly where a leg would be too short."""
     gap = root[:, None] + hips - ankles
     level = (gap[..., 0] ** 2 + gap[..., 2] ** 2).clamp(max=(0.95 * at.performer.leg) ** 2)
@@ -123,7 +123,7 @@ def _within_reach(at: Moment, root: Tensor, hips: Tensor, ankles: Tensor, fps: f
     return root[:, 1] - torch.nn.functional.conv1d(padded, (window / window.sum())[None, None])[0, 0]
 
 
-def _at_ease(at: Moment, hip: Tensor, ankles: Tensor, swing: Tensor) -> Tensor:
+def _at_ease(at: PoseContext, hip: Tensor, ankles: Tensor, swing: Tensor) -> Tensor:
     """Draws swinging ankles [F, 2, 3] towards the hips where a leg would snap straight, and away where it would fold.
 
     swing: [F, 2], 0 where a foot stands. The pull fades out towards both ends of the swing.
@@ -138,7 +138,7 @@ def _at_ease(at: Moment, hip: Tensor, ankles: Tensor, swing: Tensor) -> Tensor:
 
 
 def _legs(
-    at: Moment, local: Tensor, names: dict[str, int], root: Tensor, hips: Tensor, ankles: Tensor, turns: Tensor,
+    at: PoseContext, local: Tensor, names: dict[str, int], root: Tensor, hips: Tensor, ankles: Tensor, turns: Tensor,
     toe_bend: dict[str, Tensor],
 ) -> None:  # fmt: skip
     """Thighs, shins and feet from where hips and ankles are; knees are hinges that point where the feet do."""
@@ -232,7 +232,7 @@ def _bones(creature: Creature, joint: int, after: int | None) -> list[Tensor]:
     return [rest[j] + rest.new_tensor(end) - rest[joint] for j, end in skeleton.end_sites if j in hanging]
 
 
-def assemble_creature(at: Moment, curves: Curves, feet: list[FootPath], fps: float) -> Motion:
+def assemble_creature(at: PoseContext, curves: Curves, feet: list[FootPath], fps: float) -> Motion:
     """The motion, float64. curves and feet: at the frames of `at`."""
     creature: Creature = at.performer
     skeleton, rest = creature.skeleton, rest_legs(creature.species, creature.size)
@@ -255,7 +255,7 @@ def assemble_creature(at: Moment, curves: Curves, feet: list[FootPath], fps: flo
                 body.keep_off_the_floor(joint, bone, 0.03 * creature.leg)
     hips = hips - torch.stack((torch.zeros_like(drop), drop, torch.zeros_like(drop)), 1)[:, None]
     _creature_legs(at, curves, body, rest, feet, hips, toes, heading)
-    return Motion.from_root(skeleton, rot.unroll(local), body.place[0], fps)
+    return Motion.from_root(skeleton, rot.quaternion_unroll(local), body.place[0], fps)
 
 
 def _blades(curves: Curves, creature: Creature, feet: list[FootPath], place: Tensor, heading: Tensor) -> None:
@@ -268,7 +268,7 @@ def _blades(curves: Curves, creature: Creature, feet: list[FootPath], place: Ten
             curves.add(f"{leg.blade}.pitch", blade_swing(leg, creature, ahead - home))
 
 
-def _angles(at: Moment, curves: Curves) -> Tensor:
+def _angles(at: PoseContext, curves: Curves) -> Tensor:
     """Yaw, pitch and roll of every joint, [F, J, 3]; the joints of a chain share its curves, one after the other."""
     creature: Creature = at.performer
     skeleton = creature.skeleton
@@ -298,7 +298,7 @@ def _creature_root(curves: Curves, creature: Creature, place: Tensor, heading: T
 
 
 def _creature_legs(
-    at: Moment, curves: Curves, body: _Body, rest: RestLegs, feet: list[FootPath], hips: Tensor, toes: Tensor,
+    at: PoseContext, curves: Curves, body: _Body, rest: RestLegs, feet: list[FootPath], hips: Tensor, toes: Tensor,
     heading: Tensor,
 ) -> None:  # fmt: skip
     """Thighs, shins, feet and toes from where hips and toes are."""
@@ -460,4 +460,4 @@ def off_the_floor(place: Tensor, turn: Tensor, bone: Tensor, floor: float) -> Te
     level = way * way.new_tensor([1.0, 0.0, 1.0])
     level = rot.normalize(level) * torch.sqrt((length**2 - height**2).clamp(min=0))[:, None]
     wanted = torch.cat((level[:, :1], height[:, None], level[:, 2:]), 1)
-    return rot.quaternion_multiply(rot.between(way, wanted), turn)
+    return rot.quaternion_multiply(rot.rotation_between(way, wanted), turn)

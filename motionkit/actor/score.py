@@ -24,7 +24,7 @@ def fine_axis(first: float, last: float) -> Tensor:
     return torch.arange(math.floor(first * FINE), math.ceil(last * FINE) + 1, dtype=torch.float64) / FINE
 
 
-def beat_seconds(score: Score, style: Style, performer: Performer, beats: Tensor) -> Tensor:
+def beat_seconds(score: MotionPlan, style: Style, performer: Performer, beats: Tensor) -> Tensor:
     """Seconds that a beat takes, at each beat [F]: pace, limp, pauses and chance; a jump's flight obeys gravity."""
     pace = style.tempo * (0.86 / performer.leg) ** 0.5 * (1 + 0.02 * style.variability * score.draw("pace"))
     run = score.weight(beats, ("run",))
@@ -76,7 +76,7 @@ RAMP = 2.0  # beats in which a walk starts and stops
 
 
 @dataclass(frozen=True)
-class Act:
+class Action:
     """Something done from beat `start` on, for so many `beats`. side: +1 with the left limb, -1 with the right.
 
     size: how large, in standard deviations from the usual. turn: radians that the walker turns, left above 0.
@@ -96,10 +96,10 @@ class Act:
 
 
 @dataclass(frozen=True)
-class Score:
+class MotionPlan:
     """Acts in a row without gaps. first, last: the beats that are shown. path: [N, 2] metres to follow, or None."""
 
-    acts: tuple[Act, ...]
+    acts: tuple[Action, ...]
     first: float
     last: float
     seed: int
@@ -170,9 +170,9 @@ def contents_of(content: str | Sequence[str]) -> tuple[str, ...]:
     return names
 
 
-def compose(
+def plan_actions(
     contents: tuple[str, ...], seed: int, beats: float, path: Tensor | None = None, seconds: float | None = None
-) -> Score:
+) -> MotionPlan:
     """A score of about so many beats. One gesture is done again and again with rests; of several each is done once.
 
     seconds: how long so many beats take, for messages. Raises MotionKitError if they do not hold what is asked for.
@@ -187,12 +187,12 @@ def compose(
         )
     if len(contents) > 1:
         acts = _sequence(contents, beats, chance)
-        return Score(acts, 0.0, acts[-1].stop, seed, path)
+        return MotionPlan(acts, 0.0, acts[-1].stop, seed, path)
     if contents[0] in WALKS:
         first = chance.uniform(0, 2)
         walk = _walk(contents[0], -4.0, first + beats + 8, chance)
-        return Score((walk,), first, first + beats, seed, path)
-    return Score(_gestures(contents[0], beats, chance), 0.0, beats, seed, path)
+        return MotionPlan((walk,), first, first + beats, seed, path)
+    return MotionPlan(_gestures(contents[0], beats, chance), 0.0, beats, seed, path)
 
 
 def _least(contents: tuple[str, ...]) -> float:
@@ -203,29 +203,29 @@ def _least(contents: tuple[str, ...]) -> float:
     return sum(GESTURES.get(c, 0.0) for c in contents) + walks * 2 * RAMP + (0 if walks else 0.5)
 
 
-def _walk(name: str, start: float, length: float, chance: random.Random) -> Act:
+def _walk(name: str, start: float, length: float, chance: random.Random) -> Action:
     turn = 0.0
     if name.startswith("walk_turn"):
         turn = math.radians(chance.uniform(70, 200)) * (1 if name.endswith("left") else -1)
-    return Act(name, start, length, 1, chance.gauss(0, 1), turn)
+    return Action(name, start, length, 1, chance.gauss(0, 1), turn)
 
 
-def _gestures(name: str, beats: float, chance: random.Random) -> tuple[Act, ...]:
+def _gestures(name: str, beats: float, chance: random.Random) -> tuple[Action, ...]:
     length = GESTURES[name]
     if name == "idle":
-        return (Act("idle", -1.0, beats + 2),)
+        return (Action("idle", -1.0, beats + 2),)
     count = max(1, int((beats - 0.5) // (length + 0.6)))
     rest = (beats - count * length) / (count + 1)
     acts, now, side = [], 0.0, chance.choice((1, -1))
     for _ in range(count):
         wait = min(rest, chance.uniform(0.3, 1.0) * rest + 0.2)
-        acts += [Act("idle", now, wait), Act(name, now + wait, length, side, chance.gauss(0, 1))]
+        acts += [Action("idle", now, wait), Action(name, now + wait, length, side, chance.gauss(0, 1))]
         now, side = now + wait + length, -side if name in ("kick", "punch") else side
-    acts.append(Act("idle", now, max(beats - now, 0) + 2))
+    acts.append(Action("idle", now, max(beats - now, 0) + 2))
     return tuple(acts)
 
 
-def _sequence(contents: tuple[str, ...], beats: float, chance: random.Random) -> tuple[Act, ...]:
+def _sequence(contents: tuple[str, ...], beats: float, chance: random.Random) -> tuple[Action, ...]:
     """Each once, in order: gestures take what they need, walks share the rest."""
     walks = sum(c in WALKS for c in contents)
     fixed = sum(GESTURES.get(c, 0.0) for c in contents)
@@ -235,18 +235,18 @@ def _sequence(contents: tuple[str, ...], beats: float, chance: random.Random) ->
         if name in WALKS:
             acts.append(_walk(name, now, length, chance))
         else:
-            acts.append(Act(name, now, length, chance.choice((1, -1)), chance.gauss(0, 1)))
+            acts.append(Action(name, now, length, chance.choice((1, -1)), chance.gauss(0, 1)))
         now += length
     if now < beats:
-        acts.append(Act("idle", now, beats - now))
+        acts.append(Action("idle", now, beats - now))
     return tuple(acts)
 
 
 def contents_for(creature: Creature, content: str | Sequence[str]) -> tuple[str, ...]:
     """One content or several; MotionKitError names the nearest of what this creature cannot do.
 
-    >>> from motionkit.actor.performing import creature_named
-    >>> contents_for(creature_named("dog"), "walk, sit")
+    >>> from motionkit.actor.performing import get_creature
+    >>> contents_for(get_creature("dog"), "walk, sit")
     ('walk', 'sit')
     """
     names = content.split(",") if isinstance(content, str) else list(content)
@@ -259,9 +259,9 @@ def contents_for(creature: Creature, content: str | Sequence[str]) -> tuple[str,
     return names
 
 
-def compose_creature(
+def plan_creature_actions(
     creature: Creature, contents: tuple[str, ...], seed: int, beats: float, path: Tensor | None
-) -> Score:
+) -> MotionPlan:
     """A score of about so many beats. One deed is done again and again with rests; of several each is done once.
 
     Raises MotionKitError if the beats do not hold what is asked for.
@@ -270,24 +270,24 @@ def compose_creature(
     chance = random.Random(f"{seed} {species.name} {' '.join(contents)}")
     if len(contents) > 1:
         acts = _creature_sequence(creature, contents, beats, chance)
-        return Score(acts, 0.0, acts[-1].stop, seed, path)
+        return MotionPlan(acts, 0.0, acts[-1].stop, seed, path)
     name = contents[0]
     if name in species.gaits:
         first = chance.uniform(0, 2)
-        return Score((_creature_walk(name, -4.0, first + beats + 8, chance),), first, first + beats, seed, path)
+        return MotionPlan((_creature_walk(name, -4.0, first + beats + 8, chance),), first, first + beats, seed, path)
     if name == "idle":
-        return Score((Act("idle", -1.0, beats + 2),), 0.0, beats, seed, path)
-    return Score(_again(creature, name, beats, chance), 0.0, beats, seed, path)
+        return MotionPlan((Action("idle", -1.0, beats + 2),), 0.0, beats, seed, path)
+    return MotionPlan(_again(creature, name, beats, chance), 0.0, beats, seed, path)
 
 
-def _creature_walk(name: str, start: float, length: float, chance: random.Random) -> Act:
+def _creature_walk(name: str, start: float, length: float, chance: random.Random) -> Action:
     turn = 0.0
     if "turn" in name:
         turn = math.radians(chance.uniform(40, 95)) * (1 if name.endswith("left") else -1)
-    return Act(name, start, length, 1, chance.gauss(0, 1), turn)
+    return Action(name, start, length, 1, chance.gauss(0, 1), turn)
 
 
-def _again(creature: Creature, name: str, beats: float, chance: random.Random) -> tuple[Act, ...]:
+def _again(creature: Creature, name: str, beats: float, chance: random.Random) -> tuple[Action, ...]:
     length = creature.species.deeds[name].beats
     if beats < length:
         raise MotionKitError(
@@ -299,14 +299,14 @@ def _again(creature: Creature, name: str, beats: float, chance: random.Random) -
     acts, now, side = [], 0.0, chance.choice((1, -1))
     for _ in range(count):
         wait = rest * chance.uniform(0.5, 1.0)
-        acts += [Act("idle", now, wait), Act(name, now + wait, length, side, chance.gauss(0, 1))]
+        acts += [Action("idle", now, wait), Action(name, now + wait, length, side, chance.gauss(0, 1))]
         now, side = now + wait + length, -side
-    return (*acts, Act("idle", now, max(beats - now, 0) + 2))
+    return (*acts, Action("idle", now, max(beats - now, 0) + 2))
 
 
 def _creature_sequence(
     creature: Creature, contents: tuple[str, ...], beats: float, chance: random.Random
-) -> tuple[Act, ...]:
+) -> tuple[Action, ...]:
     """Each once, in order: deeds take what they need, walks and rests share what is left."""
     deeds = creature.species.deeds
     shared = [c for c in contents if c not in deeds]
@@ -320,20 +320,22 @@ def _creature_sequence(
     acts, now = [], 0.0
     for name in contents:
         if name in deeds:
-            act = Act(name, now, deeds[name].beats, chance.choice((1, -1)), chance.gauss(0, 1))
+            act = Action(name, now, deeds[name].beats, chance.choice((1, -1)), chance.gauss(0, 1))
         else:
             length = (beats - fixed) / len(shared)
             act = (
-                _creature_walk(name, now, length, chance) if name in creature.species.gaits else Act(name, now, length)
+                _creature_walk(name, now, length, chance)
+                if name in creature.species.gaits
+                else Action(name, now, length)
             )
         acts.append(act)
         now = act.stop
     if now < beats:
-        acts.append(Act("idle", now, beats - now))
+        acts.append(Action("idle", now, beats - now))
     return tuple(acts)
 
 
-def as_walked(score: Score, creature: Creature) -> Score:
+def as_walked(score: MotionPlan, creature: Creature) -> MotionPlan:
     """The score in the words of `plan_route`: a dog's trot leads along as a person's run does."""
     ways = creature.species.gaits
     return replace(score, acts=tuple(replace(act, name=ways.get(act.name, "idle")) for act in score.acts))

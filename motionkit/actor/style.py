@@ -141,7 +141,7 @@ def mix(shares: Mapping[Style | str, float], name: str = "mix") -> Style:
     (0.13, 0.15)
     """
 
-    shares = {style_named(style): share for style, share in shares.items()}
+    shares = {get_style(style): share for style, share in shares.items()}
     for style, share in shares.items():
         if not isinstance(share, int | float) or not math.isfinite(share):
             raise MotionKitError(f"the share of style {style.name!r} must be a finite number; found {share!r}")
@@ -216,15 +216,15 @@ _UNSEEN = (
           wander=0.35, sharpness=0.3, follow_through=0.3),
 )  # fmt: skip
 
-SEEN = tuple(s.name for s in _STYLES)
-UNSEEN = tuple(s.name for s in _UNSEEN)
+TRAIN_STYLES = tuple(s.name for s in _STYLES)
+HELD_OUT_STYLES = tuple(s.name for s in _UNSEEN)
 _BY_NAME = {s.name: s for s in (*_STYLES, *_UNSEEN)}
 
 
-def style_named(name: str | Style) -> Style:
+def get_style(name: str | Style) -> Style:
     """A style by name (a `Style` is passed on); MotionKitError names the nearest.
 
-    >>> style_named("old").step_length
+    >>> get_style("old").step_length
     0.5
     """
     if isinstance(name, Style):

@@ -79,7 +79,7 @@ class Protocol:
         >>> source = mk.datasets.BvhSource.at("data/actor/walk_neutral.bvh")
         >>> kinds = [("walk", "neutral"), ("jump", "old"), ("walk", "old")]
         >>> items = [mk.datasets.Item("_".join(kind), mk.datasets.Labels(*kind, ()), source) for kind in kinds]
-        >>> PROTOCOLS["paper-1"].transfers(mk.datasets.of_items("mine", items))
+        >>> PROTOCOLS["paper-1"].transfers(mk.datasets.from_items("mine", items))
         (Transfer(content=1, style=0, repeat=0), Transfer(content=0, style=1, repeat=0))
         """
         clips, found = list(test), []
@@ -177,10 +177,10 @@ PROTOCOLS = {
 }
 
 
-def protocol_named(given: str | Protocol) -> Protocol:
+def get_protocol(given: str | Protocol) -> Protocol:
     """A protocol as it is, or by its name; MotionKitError lists the names.
 
-    >>> protocol_named("paper-5")
+    >>> get_protocol("paper-5")
     Traceback (most recent call last):
     ...
     motionkit.errors.MotionKitError: no protocol 'paper-5'; there are 'paper-1', 'paper-3', 'paper-4', 'small'; ...

@@ -21,20 +21,20 @@ from ..datasets.cache import make_folder
 from ..errors import MotionKitError
 from ..files import cache_folder
 from . import transfers
-from .protocols import Protocol, Transfer, protocol_named
-from .table import ArenaTable, Results, Row, Setting, scores_of, scores_of_clips
+from .protocols import Protocol, Transfer, get_protocol
+from .table import ArenaTable, EvalContext, Results, Row, scores_of, scores_of_clips
 from .transfers import (
     REAL,
-    Bench,
-    Entrant,
+    Evaluator,
+    GroundTruth,
     Measured,
-    Truths,
+    MethodEntry,
     dataset_key,
-    entrants_of,
+    evaluate,
+    evaluate_clips,
+    generate,
     judge_key,
-    make_results,
-    measure_clips,
-    measure_results,
+    method_entries,
 )
 
 
@@ -65,7 +65,7 @@ def run(
     ...
     motionkit.errors.MotionKitError: no protocol 'paper-7'; there are 'paper-1', ...
     """
-    entrants, protocol = entrants_of(methods), protocol_named(protocol)
+    entrants, protocol = method_entries(methods), get_protocol(protocol)
     if not isinstance(seed, int):
         raise MotionKitError(f"the arena's seed is a whole number; found {seed!r}")
     split = _split_of(dataset, root)
@@ -86,13 +86,13 @@ class _Work:
     jobs: int | None
     shrinkage: float | None
 
-    def table(self, entrants: Sequence[Entrant], resume: bool) -> ArenaTable:
+    def table(self, entrants: Sequence[MethodEntry], resume: bool) -> ArenaTable:
         """Make, measure, and put the figures together."""
         test, transfers = self.split.test, self.transfers
-        bench = Bench(self.judge, test, Truths.of(test, self.base))
+        bench = Evaluator(self.judge, test, GroundTruth.of(test, self.base))
         key, train = judge_key(bench), _sample(self.split.train, len(test), self.seed)
-        clips = measure_clips(bench, test, self.clips_place, f"test-{key}", self.jobs)
-        learned = measure_clips(bench, train, self.clips_place, f"train-{self.seed}-{key}", self.jobs)
+        clips = evaluate_clips(bench, test, self.clips_place, f"test-{key}", self.jobs)
+        learned = evaluate_clips(bench, train, self.clips_place, f"train-{self.seed}-{key}", self.jobs)
         setting = self._setting(clips)
         rows, views = [], {}
         right = {"content": setting.content_ids, "style": setting.style_ids}
@@ -130,25 +130,25 @@ class _Work:
         name = f"{_plain(self.split.test.name)}-{what}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
         return make_folder(self.base / name, "give another one: run(..., folder=...)")
 
-    def _play(self, entrant: Entrant, bench: Bench, key: str, resume: bool) -> tuple[Path, Measured]:
+    def _play(self, entrant: MethodEntry, bench: Evaluator, key: str, resume: bool) -> tuple[Path, Measured]:
         """A method's folder, and the figures of its results, made first where they are missing."""
         own = self.place / f"{_plain(entrant.name)}-{entrant.key}"
         own.mkdir(exist_ok=True)
         if not resume:
             for n in range(len(self.transfers)):
                 transfers.result_path(own, n).unlink(missing_ok=True)
-        failed = make_results(entrant, self.split.train, self.split.test, self.transfers, own, self.jobs)
-        measured = measure_results(bench, self.transfers, own, key, self.jobs, entrant.name)
+        failed = generate(entrant, self.split.train, self.split.test, self.transfers, own, self.jobs)
+        measured = evaluate(bench, self.transfers, own, key, self.jobs, entrant.name)
         return own, replace(measured, problems=dict(sorted({**measured.problems, **failed}.items())))
 
     def _ids(self, label: str) -> Tensor:
         """The judge's classes of all test clips."""
         return getattr(self.judge, label).ids([getattr(clip, label) for clip in self.split.test])
 
-    def _setting(self, clips: Measured) -> Setting:
+    def _setting(self, clips: Measured) -> EvalContext:
         contents, styles, repeats = (torch.tensor(numbers) for numbers in zip(*self.transfers))
         ids = (self._ids("content")[contents], self._ids("style")[styles])
-        return Setting(contents, styles, *ids, repeats, clips, self.shrinkage, self.seed)
+        return EvalContext(contents, styles, *ids, repeats, clips, self.shrinkage, self.seed)
 
     def _provenance(self) -> dict:
         return {

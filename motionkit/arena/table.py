@@ -67,7 +67,7 @@ class Cell:
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class EvalContext:
     """What scores depend on beside a method's results. All [N], a number for each transfer.
 
     contents, styles: which of the test clips. content_ids, style_ids: the judge's classes. repeats: of which draw.
@@ -84,7 +84,7 @@ class Setting:
 
 
 @one_thread()
-def scores_of(measured: Measured, setting: Setting, columns: tuple[str, ...]) -> dict[str, Cell]:
+def scores_of(measured: Measured, setting: EvalContext, columns: tuple[str, ...]) -> dict[str, Cell]:
     """A method's figures."""
     clips, seen = setting.clips.seen, measured.seen
     cells = {}
@@ -106,9 +106,9 @@ def scores_of(measured: Measured, setting: Setting, columns: tuple[str, ...]) ->
 
 
 @one_thread()
-def scores_of_clips(clips: Measured, ids: dict[str, Tensor], train: Measured, setting: Setting) -> dict[str, Cell]:
+def scores_of_clips(clips: Measured, ids: dict[str, Tensor], train: Measured, setting: EvalContext) -> dict[str, Cell]:
     """The row of the test clips: what the judge makes of them, and how far as many training clips are from them."""
-    alone = Setting(
+    alone = EvalContext(
         *[torch.arange(len(ids["content"]))] * 4, torch.zeros(len(ids["content"])), clips, setting.shrinkage
     )
     cells = {
@@ -117,7 +117,7 @@ def scores_of_clips(clips: Measured, ids: dict[str, Tensor], train: Measured, se
     }
     for column, name in (("fmd", "content_features"), ("fmd_ae", "ae_features")):
         count = len(train.values["fsf"])
-        sample = Setting(*[torch.arange(count)] * 4, torch.zeros(count), clips, setting.shrinkage)
+        sample = EvalContext(*[torch.arange(count)] * 4, torch.zeros(count), clips, setting.shrinkage)
         cells[column] = _distance(train.seen.get(name), clips.seen.get(name), None, sample)
     return {**cells, "fsf": _mean(clips.values["fsf"], alone, torch.mean)}
 
@@ -127,14 +127,14 @@ def _recognised(scores: Tensor, ids: Tensor) -> Tensor:
     return torch.tensor([metrics.recognition_accuracy(s[None], i[None]) for s, i in zip(scores, ids)]).double()
 
 
-def _mean(values: Tensor, setting: Setting, statistic: Callable) -> Cell:
+def _mean(values: Tensor, setting: EvalContext, statistic: Callable) -> Cell:
     there = torch.isfinite(values)
     if not there.any():
         return Cell(math.nan, missing=len(values), why="not defined for these results")
     return _cell(statistic, (values[there],), setting, there)
 
 
-def _distance(results: Tensor | None, real: Tensor | None, pairs: Tensor | None, setting: Setting) -> Cell:
+def _distance(results: Tensor | None, real: Tensor | None, pairs: Tensor | None, setting: EvalContext) -> Cell:
     """A Fréchet distance, from all real clips or (pairs) from the transfers' own."""
     if real is None:
         return Cell(math.nan, why="the judge has no such features")
@@ -158,7 +158,7 @@ def _distance(results: Tensor | None, real: Tensor | None, pairs: Tensor | None,
 
 
 def _cell(
-    statistic: Callable, samples: tuple, setting: Setting, there: Tensor | None = None, distance: bool = False
+    statistic: Callable, samples: tuple, setting: EvalContext, there: Tensor | None = None, distance: bool = False
 ) -> Cell:
     """A statistic of the results that have it (all, if `there` is left out), with its interval or deviation."""
     there = torch.ones(len(samples[0]), dtype=torch.bool) if there is None else there

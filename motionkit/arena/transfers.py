@@ -48,7 +48,7 @@ _PLAIN = (type(None), bool, int, float, complex, str, bytes, enum.Enum)
 _CALLED = (type, types.FunctionType, types.MethodType, types.BuiltinFunctionType, types.ModuleType, functools.partial)
 
 
-def fingerprint(thing: object) -> str:
+def cache_key(thing: object) -> str:
     """Sixteen hex digits that change with what a method is made of, and are the same in every process.
 
     A function: its code, constants, defaults, closure, and the plain values and functions of its own module that it
@@ -60,7 +60,7 @@ def fingerprint(thing: object) -> str:
     ...     return a
     >>> def g(a, b, share=0.7):
     ...     return a
-    >>> fingerprint(f) == fingerprint(f), fingerprint(f) == fingerprint(g)
+    >>> cache_key(f) == cache_key(f), cache_key(f) == cache_key(g)
     (True, False)
     """
     digest = hashlib.sha256()
@@ -78,7 +78,7 @@ def dataset_key(*datasets: Dataset) -> str:
     >>> import motionkit as mk
     >>> item = mk.datasets.Item("a", mk.datasets.Labels("walk", "old", ()), mk.datasets.BvhSource.at(
     ...     "data/actor/walk_old.bvh"))
-    >>> len(dataset_key(mk.datasets.of_items("mine", [item])))
+    >>> len(dataset_key(mk.datasets.from_items("mine", [item])))
     16
     """
     digest = hashlib.sha256()
@@ -112,7 +112,7 @@ def _inside(thing: object, seen: dict[int, object]) -> Iterator[bytes]:
             yield from _parts(key, seen)
             yield from _parts(thing[key], seen)
     elif isinstance(thing, set | frozenset):
-        yield from map(str.encode, sorted(fingerprint(x) for x in thing))
+        yield from map(str.encode, sorted(cache_key(x) for x in thing))
     elif isinstance(thing, list | tuple):
         for value in thing:
             yield from _parts(value, seen)
@@ -229,8 +229,8 @@ REAL = "real"  # the row of the test clips themselves
 
 
 @dataclass(frozen=True)
-class Entrant:
-    """A method under the name that its row has. key: changes when the method does, see `fingerprint`."""
+class MethodEntry:
+    """A method under the name that its row has. key: changes when the method does, see `cache_key`."""
 
     name: str
     method: object
@@ -262,12 +262,12 @@ def restyle(method: object, content: Clip, style: Clip) -> object:
     return method(content.motion, style.motion)
 
 
-def problem_of(result: object, content: Motion) -> str:
+def find_problem(result: object, content: Motion) -> str:
     """What is wrong with a method's result; empty where it can be judged.
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> problem_of(walk, walk), problem_of(None, walk)
+    >>> find_problem(walk, walk), find_problem(None, walk)
     ('', 'gives a NoneType instead of a Motion')
     """
     if not isinstance(result, Motion):
@@ -285,12 +285,12 @@ def problem_of(result: object, content: Motion) -> str:
     return ""
 
 
-def entrants_of(methods: object) -> list[Entrant]:
+def method_entries(methods: object) -> list[MethodEntry]:
     """The entrants that a user named: a name, object or function, a list of such, or a dict from row name to such.
 
     Raises MotionKitError where a thing is no method, or two rows have one name.
 
-    >>> [entrant.name for entrant in entrants_of(["statistics", print])]
+    >>> [entrant.name for entrant in method_entries(["statistics", print])]
     ['statistics', 'print']
     """
     if isinstance(methods, Mapping):
@@ -309,7 +309,7 @@ def entrants_of(methods: object) -> list[Entrant]:
     return found
 
 
-def _entrant(name: object, given: object) -> Entrant:
+def _entrant(name: object, given: object) -> MethodEntry:
     method = kit.load(given) if isinstance(given, str) else given
     asked = any(callable(getattr(method, way, None)) for way in ("transfer", "stylize"))
     if isinstance(method, type) or not (asked or callable(method)):
@@ -321,7 +321,7 @@ def _entrant(name: object, given: object) -> Entrant:
     name = name or (given if isinstance(given, str) else _name_of(method))
     if not isinstance(name, str):
         raise MotionKitError(f"methods are named by strings, {{'mine': my_function}}; found {name!r}")
-    return Entrant(name, method, fingerprint(method))
+    return MethodEntry(name, method, cache_key(method))
 
 
 def _name_of(method: object) -> str:
@@ -329,14 +329,14 @@ def _name_of(method: object) -> str:
 
 
 @dataclass(frozen=True)
-class Truths:
+class GroundTruth:
     """What the performer would have done. sources: clip name to what makes it. folder: where answers are kept."""
 
     sources: dict[str, performed.ActorSource]
     folder: Path
 
     @classmethod
-    def of(cls, dataset: Dataset, folder: Path) -> Truths | None:
+    def of(cls, dataset: Dataset, folder: Path) -> GroundTruth | None:
         """The answers for a data set of the performer's, whole or in part; None for any other."""
         if dataset.name not in performed.TAKES:
             return None
@@ -460,8 +460,8 @@ def state(path: Path) -> tuple[int, int] | None:
 _TASK = 64  # transfers, of one style clip
 
 
-def make_results(
-    entrant: Entrant, train: Dataset, test: Dataset, transfers: Sequence[Transfer], folder: Path, jobs: int | None
+def generate(
+    entrant: MethodEntry, train: Dataset, test: Dataset, transfers: Sequence[Transfer], folder: Path, jobs: int | None
 ) -> dict[int, str]:
     """Make those results that are not in the folder yet, or are damaged; returns what failed, number to message."""
     missing = [n for n, transfer in enumerate(transfers) if not _is_whole(folder, n, transfer, test)]
@@ -473,7 +473,7 @@ def make_results(
     except Exception as error:
         return dict.fromkeys(missing, f"fit: {message_of(error)}")
     tasks = [[(n, transfers[n]) for n in part] for part in chunks(transfers, missing)]
-    for found in fan_out(_make, (method, test, folder), tasks, jobs, entrant.name, "transfer"):
+    for found in parallel(_make, (method, test, folder), tasks, jobs, entrant.name, "transfer"):
         failed |= found
     return failed
 
@@ -526,7 +526,7 @@ def _make(shared: tuple[object, Dataset, Path], task: Sequence[tuple[int, Transf
         try:
             with seeded(zlib.crc32(" ".join([*clips, str(transfer.repeat)]).encode())):
                 result = restyle(method, content, style)
-            problem = problem_of(result, original)
+            problem = find_problem(result, original)
         except Exception as error:
             problem = message_of(error)
         if problem:
@@ -554,12 +554,12 @@ class Measured:
 
 
 @dataclass(eq=False)
-class Bench:
+class Evaluator:
     """What measuring needs; workers keep one, with what it has found out about content clips."""
 
     judge: object
     test: Dataset
-    truths: Truths | None = None
+    truths: GroundTruth | None = None
 
     def __post_init__(self) -> None:
         self._known: dict[int, tuple] = {}
@@ -646,22 +646,22 @@ def one_thread() -> Iterator[None]:
 
 
 @one_thread()
-def judge_key(bench: Bench) -> str:
+def judge_key(bench: Evaluator) -> str:
     """Changes when what the judge sees in the first clips does."""
     seen = bench.see([bench.test[n].motion for n in range(min(4, len(bench.test)))])
     text = [f"{name} {(x.double() * 100).round().long().tolist()}" for name, x in sorted(seen.items())]
     return hashlib.sha256("\n".join(text).encode()).hexdigest()[:12]
 
 
-def measure_results(
-    bench: Bench, transfers: Sequence[Transfer], folder: Path, key: str, jobs: int | None, says: str
+def evaluate(
+    bench: Evaluator, transfers: Sequence[Transfer], folder: Path, key: str, jobs: int | None, says: str
 ) -> Measured:
     """Figures of all results in a folder; what was measured before, and not made again since, is read."""
     place = folder / f"measures-{key}"
     place.mkdir(exist_ok=True)
     tasks = [list(enumerate(transfers[n : n + _PIECE], n)) for n in range(0, len(transfers), _PIECE)]
     todo = [task for task in tasks if _read_piece(place, folder, task) is None]
-    for _ in fan_out(_measure, (bench, folder, place), todo, jobs, f"measuring {says}", "result"):
+    for _ in parallel(_measure, (bench, folder, place), todo, jobs, f"measuring {says}", "result"):
         pass
     return _joined([_read_piece(place, folder, task) for task in tasks], len(transfers))
 
@@ -683,7 +683,7 @@ def _read_piece(place: Path, folder: Path, task: Sequence) -> tuple[dict[str, Te
     return (tensors, facts) if facts["states"] == _states(folder, task) else None
 
 
-def _measure(shared: tuple[Bench, Path, Path], task: Sequence[tuple[int, Transfer]]) -> None:
+def _measure(shared: tuple[Evaluator, Path, Path], task: Sequence[tuple[int, Transfer]]) -> None:
     """A worker's piece."""
     bench, folder, place = shared
     states, results, numbers, rows = _states(folder, task), [], [], []
@@ -723,7 +723,7 @@ def _joined(pieces: Sequence[tuple[dict[str, Tensor], dict]], count: int) -> Mea
     return Measured(seen, dict(zip(VALUES, values.T)), problems)
 
 
-def measure_clips(bench: Bench, clips: Dataset, folder: Path, key: str, jobs: int | None) -> Measured:
+def evaluate_clips(bench: Evaluator, clips: Dataset, folder: Path, key: str, jobs: int | None) -> Measured:
     """What the judge sees in captured or performed clips, and how much their own feet slide."""
     if not len(clips):
         return Measured({}, {"fsf": torch.zeros(0, dtype=torch.float64)})
@@ -733,7 +733,7 @@ def measure_clips(bench: Bench, clips: Dataset, folder: Path, key: str, jobs: in
     except MotionKitError:
         numbers = list(range(len(clips)))
         tasks = [numbers[n : n + _PIECE] for n in range(0, len(numbers), _PIECE)]
-        parts = list(fan_out(_measure_clips, (bench, clips), tasks, jobs, "measuring clips", "clip"))
+        parts = list(parallel(_measure_clips, (bench, clips), tasks, jobs, "measuring clips", "clip"))
         tensors = {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
         save(path, tensors, {})
     nothing = torch.full((len(clips),), math.nan, dtype=torch.float64)
@@ -741,7 +741,7 @@ def measure_clips(bench: Bench, clips: Dataset, folder: Path, key: str, jobs: in
     return Measured({name: x for name, x in tensors.items() if name != "fsf"}, values)
 
 
-def _measure_clips(shared: tuple[Bench, Dataset], numbers: Sequence[int]) -> dict[str, Tensor]:
+def _measure_clips(shared: tuple[Evaluator, Dataset], numbers: Sequence[int]) -> dict[str, Tensor]:
     bench, clips = shared
     found = bench.see([clips[n].motion for n in numbers])
     sliding = [_if_any(lambda n=n: metrics.foot_sliding_factor(clips[n].motion, clips[n].contacts)) for n in numbers]
@@ -788,7 +788,7 @@ def _unpack(token: str, data: bytes) -> Shared:
     return kept[token]
 
 
-def fan_out(
+def parallel(
     function: Callable, shared: object, tasks: Sequence[Sequence], jobs: int | None, says: str, unit: str
 ) -> Iterator:
     """What function(shared, task) returns for each task, in order, with a progress bar that counts their pieces.
@@ -796,7 +796,7 @@ def fan_out(
     jobs: processes; all cores if left out. joblib's settings count: under `joblib.parallel_config("dask")` a cluster
     works. Raises MotionKitError where a worker dies, or `shared` cannot be sent.
 
-    >>> list(fan_out(lambda shared, task: shared + sum(task), 10, [[1, 2], [3]], 1, "adding", "number"))
+    >>> list(parallel(lambda shared, task: shared + sum(task), 10, [[1, 2], [3]], 1, "adding", "number"))
     [13, 13]
     """
     from joblib import cpu_count, effective_n_jobs

@@ -8,11 +8,11 @@ motionkit.errors.MotionKitError: nowhere: no such file or folder; ...
 
 from __future__ import annotations
 
-from .batches import BalancedSampler, Batch, Encoded, batches, collate
+from .batches import BalancedSampler, Batch, FeatureCache, batches, collate
 from .corpus import Corpus, build_cache
 from .dataset import Clip, Dataset, Split, Table, Window, Windows
 from .download import fetch
-from .loading import items_of, load, names, of_items
+from .loading import from_items, list_items, load, names
 from .sources import BvhSource, Item, Labels, Recording
 
 __all__ = [
@@ -22,7 +22,7 @@ __all__ = [
     "Clip",
     "Corpus",
     "Dataset",
-    "Encoded",
+    "FeatureCache",
     "Item",
     "Labels",
     "Recording",
@@ -34,8 +34,8 @@ __all__ = [
     "build_cache",
     "collate",
     "fetch",
-    "items_of",
+    "list_items",
     "load",
     "names",
-    "of_items",
+    "from_items",
 ]

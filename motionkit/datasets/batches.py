@@ -28,7 +28,7 @@ class Encoder(Protocol):
         """A motion of F frames to [F, ...]."""
 
 
-class Encoded:
+class FeatureCache:
     """A dataset's clips in a feature layout. A clip is encoded as a whole when it is first asked for.
 
     What was encoded is kept in a temporary memory-mapped file (as many numbers as the clips have frames times D), so
@@ -37,7 +37,7 @@ class Encoded:
     >>> import motionkit as mk
     >>> source = mk.datasets.BvhSource.at("data/actor/walk_neutral.bvh")
     >>> item = mk.datasets.Item("walk_1", mk.datasets.Labels("walk", "neutral", ()), source)
-    >>> Encoded(mk.datasets.of_items("mine", [item]), mk.features.SixD()).rows(0, 20, 30).shape
+    >>> FeatureCache(mk.datasets.from_items("mine", [item]), mk.features.SixD()).rows(0, 20, 30).shape
     (10, 135)
     """
 
@@ -97,7 +97,7 @@ class Encoded:
         return gather(self, numbers, starts, own.tolist(), length), torch.arange(length) < own[:, None]
 
 
-def gather(source: Encoded, numbers: list[int], starts: list[int], own: list[int], frames: int) -> Tensor:
+def gather(source: FeatureCache, numbers: list[int], starts: list[int], own: list[int], frames: int) -> Tensor:
     """Features [B, F, D] of samples: own frames, then the last one again ([B, F, J, 7] where the layout is a graph).
 
     numbers: stored clips; starts, own: where a sample starts and how many frames it has; frames: F.
@@ -140,13 +140,13 @@ class Batch(dict):
         return Batch({k: v.to(*place, **more) if isinstance(v, Tensor) else v for k, v in self.items()})
 
 
-def collate(samples: Sequence[Window | Clip], features: Layout | Encoded | None = None) -> Batch:
+def collate(samples: Sequence[Window | Clip], features: Layout | FeatureCache | None = None) -> Batch:
     """Windows or clips of one dataset together, read from the mapped file; short ones are padded and masked.
 
-    features: a layout, or clips `Encoded` in one, which are quicker from the second epoch on. Clips are encoded as a
-    whole, then cut, and padded with the last row. Give this function to torch as
-    `DataLoader(windows, 64, collate_fn=mk.datasets.collate)`. Raises MotionKitError naming two samples of different
-    joints, tracks or frame rates.
+    features: a layout, or clips `FeatureCache` in one, which are quicker from the second epoch on. Clips are encoded as
+    a whole, then cut, and padded with the last row. Give this function to torch as `DataLoader(windows, 64,
+    collate_fn=mk.datasets.collate)`. Raises MotionKitError naming two samples of different joints, tracks or frame
+    rates.
 
     >>> collate([])
     Traceback (most recent call last):
@@ -175,7 +175,7 @@ def collate(samples: Sequence[Window | Clip], features: Layout | Encoded | None 
     batch["names"] = [sample.name for sample in samples]
     batch["texts"] = [clip.texts for clip in clips]
     if features is not None:
-        encoded = features if isinstance(features, Encoded) else Encoded(dataset, features)
+        encoded = features if isinstance(features, FeatureCache) else FeatureCache(dataset, features)
         batch["features"] = gather(encoded, numbers, starts, own, frames)
     return batch
 
@@ -197,9 +197,9 @@ class BalancedSampler(Sampler[int]):
     order, so that a batch is balanced too; a label's samples all come before one comes again. As many samples as
     `source` has. seed: says all orders; each pass has another one.
 
-    >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
+    >>> from motionkit.datasets import BvhSource, Item, Labels, from_items
     >>> walks = {style: BvhSource.at(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old")}
-    >>> ds = of_items("walks", [Item(s, Labels("walk", s, ()), walk) for s, walk in walks.items()])
+    >>> ds = from_items("walks", [Item(s, Labels("walk", s, ()), walk) for s, walk in walks.items()])
     >>> sorted(ds[n].style for n in BalancedSampler(ds))
     ['neutral', 'old']
     """
@@ -257,7 +257,7 @@ def batches(
     >>> import motionkit as mk
     >>> source = mk.datasets.BvhSource.at("data/actor/walk_neutral.bvh")
     >>> item = mk.datasets.Item("walk_1", mk.datasets.Labels("walk", "neutral", ()), source)
-    >>> windows = mk.datasets.of_items("mine", [item]).windows(64, stride=8)
+    >>> windows = mk.datasets.from_items("mine", [item]).windows(64, stride=8)
     >>> [tuple(batch.rotations.shape) for batch in batches(windows, 6)]
     [(6, 64, 22, 4), (2, 64, 22, 4)]
     """
@@ -267,31 +267,31 @@ def batches(
     check_alike(dataset.store, torch.unique(clips).numpy(), f"dataset {dataset.name!r}")
     generator = torch.Generator().manual_seed(seed)
     sampler = BalancedSampler(source, balanced, seed) if balanced else RandomSampler(source, generator=generator)
-    encoded = None if features is None else Encoded(dataset, features)
+    encoded = None if features is None else FeatureCache(dataset, features)
     together = partial(collate, features=encoded)
     return DataLoader(source, size, sampler=sampler, collate_fn=together, generator=generator, num_workers=workers)
 
 
-LEAST = 0.25  # of a part's spread: numbers that hardly move are not blown up to the size of others
+_LEAST_SPREAD = 0.25  # of a part's spread: numbers that hardly move are not blown up to the size of others
 
 
-ROOT = 3.0  # how much larger the root's four numbers are made: all else follows from where the body goes
+_ROOT_WEIGHT = 3.0  # how much larger the root's four numbers are made: all else follows from where the body goes
 
 
-def fitted(data: Dataset) -> tuple[Encoded, Normalizer]:
+def fit_normalizer(data: Dataset) -> tuple[FeatureCache, Normalizer]:
     """A dataset's clips in facing-free features of the body, and the normalizer for them.
 
     Spreads are those of the numbers, but at least a quarter of the root mean square of their part (root velocity,
     height, positions, rotations); the root's four numbers weigh three times as much, since the loss counts numbers.
     """
     layout = OfBody()
-    encoded = Encoded(data, layout)
+    encoded = FeatureCache(data, layout)
     rows = [torch.from_numpy(encoded.rows(n, 0, int(data.store.frames[n]))) for n in data.numbers]
     found = Normalizer.fit(rows, "FacingFree")
     std = torch.cat(rows).std(0, correction=0)
     parts = {**layout.slices, "turn": slice(0, 1), "speed": slice(1, 3), "height": slice(3, 4)}
     for name, part in parts.items():
         if name != "root":
-            std[part] = torch.maximum(std[part], LEAST * std[part].square().mean().sqrt())
-    std[layout.slices["root"]] /= ROOT
+            std[part] = torch.maximum(std[part], _LEAST_SPREAD * std[part].square().mean().sqrt())
+    std[layout.slices["root"]] /= _ROOT_WEIGHT
     return encoded, Normalizer(found.mean, std.clamp(min=1e-5), found.layout, found.data_hash)

@@ -187,7 +187,7 @@ def _skeleton_of(tree: dict) -> Skeleton:
 
 def open_store(name: str, items: Sequence[Item]) -> Store:
     """The cache of these clips, one shard; made first if there is none, or if it is damaged."""
-    path = cache_folder() / f"{name}-{key_of(items)}.f32"
+    path = cache_folder() / f"{name}-{items_key(items)}.f32"
     try:
         return Store((read_shard(path),))
     except MotionKitError:
@@ -226,10 +226,10 @@ class Shard:
     trees: tuple[dict, ...]
 
 
-def key_of(items: Sequence[Item]) -> str:
+def items_key(items: Sequence[Item]) -> str:
     """Changes when the clips do, their order, or the layout of the files.
 
-    >>> key_of([]) == key_of([]), len(key_of([]))
+    >>> items_key([]) == items_key([]), len(items_key([]))
     (True, 16)
     """
     listing = "\n".join(f"{item.name}\t{item.source.state}" for item in items)
@@ -295,7 +295,7 @@ def write_shards(plan: Sequence[tuple[Path, Sequence[Item]]], bad: str = "stop")
             trees: dict[str, int] = {}
             with open_atomic(path) as file:
                 clips, labels, size = _write_clips(file, zip(items, read), trees)
-            index = {"format": FORMAT, "key": key_of(items), "bytes": size, "trees": list(map(json.loads, trees))}
+            index = {"format": FORMAT, "key": items_key(items), "bytes": size, "trees": list(map(json.loads, trees))}
             _write_index(path, {**index, "clips": clips, "labels": labels})
 
 
@@ -414,7 +414,7 @@ def _read_batch(batch: list[tuple[str, Source]], bad: str) -> tuple[list[Read | 
 
 def _read(name: str, source: Source, bad: str) -> Read | None:
     try:
-        return rows_of(name, source.read())
+        return recording_rows(name, source.read())
     except MotionKitError as error:
         if bad == "stop":
             raise
@@ -422,13 +422,13 @@ def _read(name: str, source: Source, bad: str) -> Read | None:
         return None
 
 
-def rows_of(name: str, recording: Recording) -> Read:
+def recording_rows(name: str, recording: Recording) -> Read:
     """A recording as rows; contacts are found where it brings none and the skeleton's names tell its feet.
 
     Raises MotionKitError if a track has not one row for each frame.
 
     >>> import motionkit as mk
-    >>> read = rows_of("walk", Recording(mk.load("data/actor/walk_neutral.bvh")))
+    >>> read = recording_rows("walk", Recording(mk.load("data/actor/walk_neutral.bvh")))
     >>> read.rows.shape, json.loads(read.tree)["tracks"]
     ((120, 158), [['contacts', 4]])
     """

@@ -25,8 +25,8 @@ import torch
 from ..errors import MotionKitError
 from ..features import HumanML3D
 from ..files import MotionKitWarning
-from ..text.captions import capture_captions, doing
-from .sources import BvhSource, File, Item, Labels, Recording, Wanted, find, heads, texts, unique
+from ..text.captions import capture_captions, gerund
+from .sources import BvhSource, File, Item, Labels, Recording, Wanted, find, read_heads, read_texts, unique
 
 FILE_PREFIXES = {"bandai-1": "dataset-1", "bandai-2": "dataset-2"}
 _ADDRESS = "https://github.com/BandaiNamcoResearchInc/Bandai-Namco-Research-Motiondataset"
@@ -68,7 +68,7 @@ def bandai_labels(clip: str) -> Labels:
     ('wave-left-hand', 'elderly', 'a person is waving the left hand in old age')
     """
     content, style = clip.split("_")[1:3]
-    return Labels(content, style, capture_captions(*doing(content), style), take=clip)
+    return Labels(content, style, capture_captions(*gerund(content), style), take=clip)
 
 
 def bandai_items(name: str, root: str | os.PathLike | None = None) -> list[Item]:
@@ -96,7 +96,7 @@ def bandai_items(name: str, root: str | os.PathLike | None = None) -> list[Item]
 def _check_numbers(name: str, files: Iterable[File]) -> None:
     """A MotionKitError unless each label file gives the numbers of the labels in its own name."""
     numbers = {kind: {label: n for n, label in enumerate(words.split())} for kind, words in BANDAI_LABELS[name].items()}
-    for file, text in texts(files):
+    for file, text in read_texts(files):
         try:
             found = dict(json.loads(text))
         except (ValueError, TypeError) as error:
@@ -354,7 +354,7 @@ def read_descriptions(file: File) -> dict[str, str]:
 
 def _style100_rows(file: File, first: str) -> list[tuple[int, dict[str, str]]]:
     """The table's lines with their numbers, without blank ones; a MotionKitError if the column `first` is missing."""
-    ((_, text),) = texts([file])
+    ((_, text),) = read_texts([file])
     reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
     columns = [c.strip() for c in reader.fieldnames or []]
     if first not in columns:
@@ -468,7 +468,7 @@ def read_pattern(pattern: str) -> re.Pattern:
 def _folder_labels(found: dict[str, str], split: str, take: str, sentences: tuple[str, ...] = ()) -> Labels:
     content, style = found.get("content", ""), found.get("style", "")
     if not sentences:
-        sentences = capture_captions(*(doing(content) if content else ("moving", "in motion")), style)
+        sentences = capture_captions(*(gerund(content) if content else ("moving", "in motion")), style)
     return Labels(content, style, sentences, found.get("performer", ""), take, split)
 
 
@@ -510,7 +510,7 @@ def _by_table(clips: list[File], table: File) -> dict[str, Labels]:
 
 def _table_rows(table: File) -> list[tuple[int, dict[str, str]]]:
     """The table's lines with their numbers; commas or, as some spreadsheets write, semicolons between the columns."""
-    ((_, text),) = texts([table])
+    ((_, text),) = read_texts([table])
     first = text.partition("\n")[0]
     reader = csv.DictReader(io.StringIO(text), delimiter=";" if first.count(";") > first.count(",") else ",")
     columns = [column.strip().lower() for column in reader.fieldnames or []]
@@ -609,8 +609,10 @@ def humanml3d_items(name: str = "humanml3d", root: str | os.PathLike | None = No
         raise MotionKitError(
             f"{lacking.where}: no captions for it; expected texts/{lacking.stem}.txt; unpack texts.zip"
         )
-    told = {file.stem: read_captions(file, text) for file, text in texts(captions[m.stem] for m in motions)}
-    frames = {f.stem: _frames(f, head) for f, head in heads((m for m in motions if set(told[m.stem]) - {WHOLE}), 256)}
+    told = {file.stem: read_captions(file, text) for file, text in read_texts(captions[m.stem] for m in motions)}
+    frames = {
+        f.stem: _frames(f, head) for f, head in read_heads((m for m in motions if set(told[m.stem]) - {WHOLE}), 256)
+    }
     found = [item for m in motions for item in _parts(m, told[m.stem], splits.get(m.stem, ""), frames.get(m.stem, 0))]
     return sorted(found, key=lambda item: item.name)
 
@@ -646,7 +648,7 @@ def _in_folder(files: list[File], folder: str, suffix: str) -> list[File]:
 
 def _splits(files: Iterable[File]) -> dict[str, str]:
     found: dict[str, str] = {}
-    for file, text in texts(files):
+    for file, text in read_texts(files):
         for name in text.split():
             if found.setdefault(name, _SPLITS[file.name]) != _SPLITS[file.name]:
                 raise MotionKitError(
@@ -671,7 +673,7 @@ def read_captions(file: File, text: str) -> dict[tuple[float, float], tuple[str,
 
     text: lines `caption#tokens#start#end`. Raises MotionKitError that names a line of another form, or a file without.
 
-    >>> file = File("texts/000001.txt", "000001.txt", None, 0, 0)
+    >>> file = File("read_texts/000001.txt", "000001.txt", None, 0, 0)
     >>> read_captions(file, "a man bows.#a/DET man/NOUN bow/VERB#0.0#0.0\\nhe waves.#he/PRON wave/VERB#1.5#4.0\\n")
     {(0.0, 0.0): ('a man bows.',), (1.5, 4.0): ('he waves.',)}
     """

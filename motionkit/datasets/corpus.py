@@ -19,7 +19,7 @@ from .cache import (
     cut_into,
     forget,
     in_order,
-    key_of,
+    items_key,
     make_folder,
     read_shard,
     relabel,
@@ -115,7 +115,7 @@ def build_cache(
     items, out = in_order(dataset, _items(root, dataset, options)), Path(out).expanduser()
     make_folder(out, "choose another folder for the corpus")
     parts = [(out / _name(n), part) for n, part in enumerate(cut_into(items, shard_clips))]
-    keys = [key_of(part) for _, part in parts]
+    keys = [items_key(part) for _, part in parts]
     plan = {"format": FORMAT, "name": dataset, "keys": keys}
     write_atomic(out / _PLAN, json.dumps(plan))
     whole = [_whole(path, key) for (path, _), key in zip(parts, keys, strict=True)]
@@ -137,11 +137,11 @@ def _check(bad: str, shard_clips: int) -> None:
 def _items(root: str | os.PathLike | Sequence[Item], dataset: str, options: dict) -> Sequence[Item]:
     if not isinstance(root, str | os.PathLike):
         return root
-    from .loading import items_of
+    from .loading import list_items
 
     if dataset == "folder" and not options:
         options = {"pattern": "{}"}
-    return items_of(dataset, root, **options)
+    return list_items(dataset, root, **options)
 
 
 def _whole(path: Path, key: str) -> Shard | None:

@@ -119,9 +119,9 @@ class Split(NamedTuple):
 class Dataset:
     """Clips in the order of their names; `ds[0]` is a `Clip`, `ds[:10]` and `ds.filter(style="old")` datasets.
 
-    >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
+    >>> from motionkit.datasets import BvhSource, Item, Labels, from_items
     >>> walks = {style: BvhSource.at(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old")}
-    >>> ds = of_items("walks", [Item(s, Labels("walk", s, ()), walk) for s, walk in walks.items()])
+    >>> ds = from_items("walks", [Item(s, Labels("walk", s, ()), walk) for s, walk in walks.items()])
     >>> ds, ds[0]
     (Dataset('walks', 2 clips, 1 contents, 2 styles), Clip('neutral', 120 frames, content 'walk', style 'neutral'))
     >>> ds.filter(style="old")[0].motion
@@ -434,9 +434,9 @@ class Windows(Sequence):
     length, stride: frames. Nothing is read before a window is looked at. It is a torch `Dataset` as well. Windows
     cannot be split: neighbours share frames, so split the dataset first.
 
-    >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
+    >>> from motionkit.datasets import BvhSource, Item, Labels, from_items
     >>> walks = {style: BvhSource.at(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old")}
-    >>> ds = of_items("walks", [Item(s, Labels("walk", s, ()), walk) for s, walk in walks.items()])
+    >>> ds = from_items("walks", [Item(s, Labels("walk", s, ()), walk) for s, walk in walks.items()])
     >>> windows = ds.windows(50, stride=25, short="pad")
     >>> len(windows), windows[3]
     (10, Window('neutral[75:125]', 50 frames, 45 of them its own))

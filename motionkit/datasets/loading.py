@@ -36,10 +36,10 @@ def names() -> list[str]:
     return sorted(_READERS)
 
 
-def items_of(name: str, root: str | os.PathLike | None = None, **options) -> Sequence[Item]:
+def list_items(name: str, root: str | os.PathLike | None = None, **options) -> Sequence[Item]:
     """The clips of a dataset as they are found, nothing read yet; see `load`.
 
-    >>> items_of("bandai")
+    >>> list_items("bandai")
     Traceback (most recent call last):
     ...
     motionkit.errors.MotionKitError: no dataset 'bandai'; there are '100style', 'actor', ...
@@ -71,17 +71,17 @@ def load(name: str = "actor", root: str | os.PathLike | None = None, **options) 
     ...
     motionkit.errors.MotionKitError: data: no clips of bandai-2 here (dataset-2_CONTENT_STYLE_NNN.bvh); ...
     """
-    return of_items(name, items_of(name, root, **options))
+    return from_items(name, list_items(name, root, **options))
 
 
-def of_items(name: str, items: Sequence[Item]) -> Dataset:
+def from_items(name: str, items: Sequence[Item]) -> Dataset:
     """A dataset of clips that you list yourself, cached as those of `load`; `name` is for messages and the cache.
 
     Each item has a name, labels, and a source that makes its motion. Raises MotionKitError if two have one name.
 
     >>> from motionkit.datasets import BvhSource, Labels
     >>> source = BvhSource.at("data/actor/walk_neutral.bvh")
-    >>> of_items("mine", [Item("walk_1", Labels("walk", "neutral", ("a person walks",)), source)])
+    >>> from_items("mine", [Item("walk_1", Labels("walk", "neutral", ("a person walks",)), source)])
     Dataset('mine', 1 clips, 1 contents, 1 styles)
     """
     items = in_order(name, items)

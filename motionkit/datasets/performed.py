@@ -16,10 +16,10 @@ import torch
 from torch import Tensor
 
 from .. import actor
-from ..actor import CONTENTS, SEEN, UNSEEN, Performance, Performer, performing
-from ..actor.performing import realise
+from ..actor import CONTENTS, Performance, Performer, performing
+from ..actor.performing import synthesize
 from ..actor.score import GESTURES, WALK_RATE
-from ..actor.style import style_named
+from ..actor.style import HELD_OUT_STYLES, TRAIN_STYLES, get_style
 from ..errors import MotionKitError
 from ..text.captions import performed_captions
 from .sources import Item, Labels, Recording
@@ -34,7 +34,7 @@ TAKES = {
     "actor-held-back": {"train": 12, "validation": 2, "test": 3},  # for judges alone
     "creatures": {"train": 3, "validation": 1, "test": 1},
 }
-STYLES = {"actor": SEEN, "actor-unseen": UNSEEN, "actor-held-back": ("neutral", *UNSEEN)}
+STYLES = {"actor": TRAIN_STYLES, "actor-unseen": HELD_OUT_STYLES, "actor-held-back": ("neutral", *HELD_OUT_STYLES)}
 _FIRST_SEED = {"actor": 0, "actor-unseen": 100_000, "creatures": 200_000, "actor-held-back": 300_000}
 
 
@@ -62,7 +62,7 @@ class ActorSource:
 
     def perform(self) -> Performance:
         """The clip with all that is known of it; `motionkit.actor.retell` tells it in another style."""
-        who = performing.creature_named(self.creature, self.performer) if self.creature else self.performer
+        who = performing.get_creature(self.creature, self.performer) if self.creature else self.performer
         return actor.perform(self.content, self.style, self.seed, seconds=self.seconds, fps=FPS, performer=who)
 
     def read(self) -> Recording:
@@ -75,7 +75,7 @@ class ActorSource:
     def positions(self) -> Tensor:
         """Where the joints are, [F, J, 3] metres, float64."""
         made = self.perform()
-        tell = performing.realise_creature if self.creature else realise
+        tell = performing.synthesize_creature if self.creature else synthesize
         return tell(made.score, made.style, made.performer, FPS, len(made))[0].positions()
 
 
@@ -112,8 +112,8 @@ def _people(styles: tuple[str, ...]) -> Iterator[tuple[str, str, str]]:
 
 def _creatures() -> Iterator[tuple[str, str, str]]:
     for kind in performing.CREATURES:
-        for content in performing.creature_named(kind).contents:
-            yield from ((kind, content, style) for style in SEEN)
+        for content in performing.get_creature(kind).contents:
+            yield from ((kind, content, style) for style in TRAIN_STYLES)
 
 
 def _item(creature: str, content: str, style: str, seed: int, person: int, take: int, part: str) -> Item:
@@ -127,13 +127,13 @@ def _item(creature: str, content: str, style: str, seed: int, person: int, take:
 def _seconds(creature: str, content: str, style: str, seed: int, person: int) -> float:
     """By chance, but enough for one whole gesture of somebody slow; whole frames."""
     if creature:
-        who = performing.creature_named(creature, person)
+        who = performing.get_creature(creature, person)
         deed, rate = who.species.deeds.get(content), who.species.rate
         beats = deed.beats if deed else 0.0
     else:
         who, beats, rate = Performer.from_seed(person), GESTURES.get(content, 0.0), WALK_RATE
         rate *= (0.86 / who.leg) ** 0.5
-    least = 1.05 * (beats + 0.75) / (rate * who.as_done_by(style_named(style)).tempo)
+    least = 1.05 * (beats + 0.75) / (rate * who.as_done_by(get_style(style)).tempo)
     chance = random.Random(f"{creature} {content} {style} {seed} seconds")
     return round(chance.uniform(min(max(SHORTEST, least), LONGEST), LONGEST) * FPS) / FPS
 

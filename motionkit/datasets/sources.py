@@ -178,7 +178,7 @@ def unique(files: Iterable[File]) -> list[File]:
     return list(found.values())
 
 
-def texts(files: Iterable[File]) -> Iterator[tuple[File, str]]:
+def read_texts(files: Iterable[File]) -> Iterator[tuple[File, str]]:
     """The small text files among those found, with what they say; each archive is opened once.
 
     Raises MotionKitError for a file that cannot be read, is no UTF-8 text or is too large to be a table.
@@ -187,10 +187,10 @@ def texts(files: Iterable[File]) -> Iterator[tuple[File, str]]:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder, "a.txt")
     ...     _ = path.write_text("hello")
-    ...     [text for _, text in texts([File("a.txt", str(path), None, 5, 0)])]
+    ...     [text for _, text in read_texts([File("a.txt", str(path), None, 5, 0)])]
     ['hello']
     """
-    for file, data in heads(files, _LARGEST_TEXT):
+    for file, data in read_heads(files, _LARGEST_TEXT):
         if file.size > _LARGEST_TEXT:
             raise MotionKitError(f"{file.where}: {file.size} bytes, which is no table; get the data again")
         try:
@@ -199,10 +199,10 @@ def texts(files: Iterable[File]) -> Iterator[tuple[File, str]]:
             raise MotionKitError(f"{file.where}: expected UTF-8 text; found {error}; save it as UTF-8") from None
 
 
-def heads(files: Iterable[File], size: int) -> Iterator[tuple[File, bytes]]:
+def read_heads(files: Iterable[File], size: int) -> Iterator[tuple[File, bytes]]:
     """The files, each with its first `size` bytes; each archive is opened once. MotionKitError for one not readable.
 
-    >>> list(heads([], 10))
+    >>> list(read_heads([], 10))
     []
     """
     archives: dict[str, zipfile.ZipFile] = {}

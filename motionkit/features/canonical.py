@@ -15,7 +15,7 @@ from ..skeleton import Skeleton
 
 
 @dataclass(frozen=True)
-class BodyFrames:
+class CanonicalPose:
     """A clip as the body sees it.
 
     yaw: [F] radians, where the body faces. root: [F, 3] metres, the pelvis in the world. local: [F, J, 3] metres, all
@@ -29,14 +29,14 @@ class BodyFrames:
     world: Tensor
 
 
-def body_frames(motion: Motion, smooth: float = 0.0) -> BodyFrames:
+def canonicalize(motion: Motion, smooth: float = 0.0) -> CanonicalPose:
     """Split a motion into path, facing and pose.
 
     smooth: standard deviation in frames of a Gaussian over the facing direction (HumanML3D smooths by 20).
 
     >>> s = Skeleton(("hips", "l_hip", "r_hip"), (-1, 0, 0), torch.tensor([[0.0, 1, 0], [0.1, 0, 0], [-0.1, 0, 0]]))
     >>> m = Motion.from_root(s, rot.identity_quaternion(1, 3), torch.tensor([[5.0, 1.0, 0.0]]), fps=30)
-    >>> body_frames(m).local[0]
+    >>> canonicalize(m).local[0]
     tensor([[ 0.0000,  1.0000,  0.0000],
             [ 0.1000,  1.0000,  0.0000],
             [-0.1000,  1.0000,  0.0000]])
@@ -48,7 +48,7 @@ def body_frames(motion: Motion, smooth: float = 0.0) -> BodyFrames:
     root = positions[:, motion.skeleton.pelvis]
     ground = root * root.new_tensor([1.0, 0.0, 1.0])
     local = rot.quaternion_rotate(rot.yaw_to_quaternion(-yaw)[:, None], positions - ground[:, None])
-    return BodyFrames(yaw, root, local, world)
+    return CanonicalPose(yaw, root, local, world)
 
 
 def smooth_yaw(yaw: Tensor, sigma: float) -> Tensor:
@@ -87,17 +87,19 @@ def integrate(steps: Tensor) -> Tensor:
     return torch.cat((torch.zeros_like(total[:1]), total[:-1]))[: len(steps)].to(steps.dtype)
 
 
-def place(local: Tensor, yaw: Tensor, ground: Tensor) -> Tensor:
+def uncanonicalize(local: Tensor, yaw: Tensor, ground: Tensor) -> Tensor:
     """Poses as the body sees them back into the world: [F, J, 3] with yaw [F] and ground [F, 2] (x, z), metres.
 
-    >>> place(torch.tensor([[[0.0, 1.0, 0.5]]]), torch.zeros(1), torch.tensor([[2.0, 0.0]]))
+    >>> uncanonicalize(torch.tensor([[[0.0, 1.0, 0.5]]]), torch.zeros(1), torch.tensor([[2.0, 0.0]]))
     tensor([[[2.0000, 1.0000, 0.5000]]])
     """
     shift = torch.stack((ground[:, 0], torch.zeros_like(yaw), ground[:, 1]), -1)
     return rot.quaternion_rotate(rot.yaw_to_quaternion(yaw)[:, None], local) + shift[:, None]
 
 
-def assemble(skeleton: Skeleton, local: Tensor, pelvis: Tensor, positions: Tensor, fps: float, **more) -> Motion:
+def motion_from_local(
+    skeleton: Skeleton, local: Tensor, pelvis: Tensor, positions: Tensor, fps: float, **more
+) -> Motion:
     """A motion from local rotations [F, J, 4] and the pelvis' place [F, 3]; bones keep their length.
 
     positions: [F, J, 3], read only for helper joints above the pelvis, which may stand anywhere.
@@ -141,7 +143,7 @@ def motion_from_positions(
     translations[:, 0] = positions[:, 0]
     for joint in skeleton.chain(skeleton.pelvis)[1:]:  # below a helper joint the body may stand anywhere
         translations[:, joint] = seen[:, joint - 1]
-    local = rot.unroll(kinematics.local_rotations(skeleton, world))
+    local = rot.quaternion_unroll(kinematics.local_rotations(skeleton, world))
     return Motion(skeleton, local, translations, fps, name)
 
 
@@ -168,7 +170,7 @@ def _spread(rest: Tensor) -> bool:
 
 def _swing(above: Tensor, rest: Tensor, bone: Tensor) -> Tensor:
     """The parent's rotation, then the shortest way onto the bone."""
-    return rot.quaternion_multiply(rot.between(rot.quaternion_rotate(above, rest), bone), above)
+    return rot.quaternion_multiply(rot.rotation_between(rot.quaternion_rotate(above, rest), bone), above)
 
 
 def _fit(rest: Tensor, bones: Tensor) -> Tensor:

@@ -11,7 +11,7 @@ from .. import kinematics
 from .. import rotations as rot
 from ..motion import Motion, in_order
 from ..skeleton import Skeleton
-from .canonical import assemble, body_frames, forward_difference, integrate, place
+from .canonical import canonicalize, forward_difference, integrate, motion_from_local, uncanonicalize
 from .layout import Layout, Normalizer, Row
 
 
@@ -58,8 +58,8 @@ class FacingFree(Layout):
     def encode(self, motion: Motion) -> Tensor:
         """A motion of F frames to features [F, D]; MotionKitError if its skeleton or frame rate is another."""
         motion = self._take(motion)
-        body = body_frames(motion)
-        turn = rot.wrap(forward_difference(body.yaw)) if len(motion) > 1 else torch.zeros_like(body.yaw)
+        body = canonicalize(motion)
+        turn = rot.wrap_angle(forward_difference(body.yaw)) if len(motion) > 1 else torch.zeros_like(body.yaw)
         against = rot.yaw_to_quaternion(-body.yaw)
         step = rot.quaternion_rotate(against, forward_difference(body.root))
         root = torch.stack((turn, step[:, 0], step[:, 2], body.root[:, 1]), -1)
@@ -88,7 +88,7 @@ class FacingFree(Layout):
         relative = x[:, self.slices["positions"]].unflatten(1, (-1, 3))
         local = torch.cat((torch.zeros_like(relative[:, :1]), relative), 1)
         local = local + x[:, 3, None, None] * x.new_tensor([0.0, 1.0, 0.0])
-        return place(local[:, self.file_order], yaw, ground)
+        return uncanonicalize(local[:, self.file_order], yaw, ground)
 
     def decode(self, x: Tensor) -> Motion:
         """Features [F, D] to a motion from the rotation slice; bones keep the skeleton's lengths."""
@@ -101,7 +101,7 @@ class FacingFree(Layout):
         local = found.clone()
         local[:, above] = kinematics.local_rotations(self.skeleton, world)[:, above]
         pelvis = torch.stack((ground[:, 0], x[:, 3], ground[:, 1]), -1)
-        return assemble(self.skeleton, rot.unroll(local), pelvis, self.positions(x), self.fps)
+        return motion_from_local(self.skeleton, rot.quaternion_unroll(local), pelvis, self.positions(x), self.fps)
 
 
 class OfBody(FacingFree):
@@ -118,7 +118,7 @@ class OfBody(FacingFree):
         return super().encode(body if self._skeleton is None else in_order(body, self._skeleton))
 
 
-def encoded(motion: Motion, layout: OfBody, normalizer: Normalizer) -> Tensor:
+def encode_normalized(motion: Motion, layout: OfBody, normalizer: Normalizer) -> Tensor:
     """A motion of F frames, its joints in any order and at any frame rate, to normalised features [F, D].
 
     Raises MotionKitError for another skeleton.
@@ -127,7 +127,7 @@ def encoded(motion: Motion, layout: OfBody, normalizer: Normalizer) -> Tensor:
     return normalizer.normalize(layout.encode(motion).float())
 
 
-def of_size(layout: FacingFree, x: Tensor) -> Skeleton:
+def scaled_skeleton(layout: FacingFree, x: Tensor) -> Skeleton:
     """The layout's skeleton, as large as the body whose joints' positions are among the features [F, D]."""
     skeleton, places = layout.skeleton, layout.positions(x)
     above_pelvis = skeleton.chain(skeleton.pelvis)  # helper joints, which may be anywhere

@@ -9,7 +9,7 @@ from .. import kinematics
 from .. import rotations as rot
 from ..errors import MotionKitError
 from ..motion import Motion
-from .canonical import assemble, body_frames, place
+from .canonical import canonicalize, motion_from_local, uncanonicalize
 from .layout import Layout, Row
 
 
@@ -40,13 +40,13 @@ class Graph(Layout):
 
     def encode(self, motion: Motion) -> Tensor:
         """A motion of F frames to a graph [F, J, 7]; MotionKitError if its skeleton or frame rate is another."""
-        body = body_frames(self._take(motion))
+        body = canonicalize(self._take(motion))
         turned = rot.quaternion_multiply(rot.yaw_to_quaternion(-body.yaw)[:, None], body.world)
-        return torch.cat((body.local, rot.unroll(turned)), -1)
+        return torch.cat((body.local, rot.quaternion_unroll(turned)), -1)
 
     def trajectory(self, motion: Motion) -> Tensor:
         """The path of the root on the ground, [F, 3]: yaw in radians, x and z in metres."""
-        body = body_frames(motion)
+        body = canonicalize(motion)
         return torch.stack((body.yaw, body.root[:, 0], body.root[:, 2]), -1)
 
     def _check(self, x: Tensor) -> Tensor:
@@ -59,12 +59,12 @@ class Graph(Layout):
         """A graph [F, J, 7] to joint places [F, J, 3], along `trajectory` [F, 3] or in place."""
         x = self._check(x)
         path = x.new_zeros(len(x), 3) if trajectory is None else trajectory
-        return place(x[..., :3], path[:, 0], path[:, 1:])
+        return uncanonicalize(x[..., :3], path[:, 0], path[:, 1:])
 
     def decode(self, x: Tensor, trajectory: Tensor | None = None) -> Motion:
         """A graph [F, J, 7] to a motion from its quaternions, along `trajectory` [F, 3] or in place."""
         places = self.positions(x, trajectory)
         yaw = x.new_zeros(len(x)) if trajectory is None else trajectory[:, 0]
         world = rot.quaternion_multiply(rot.yaw_to_quaternion(yaw)[:, None], rot.normalize(x[..., 3:]))
-        local = rot.unroll(kinematics.local_rotations(self.skeleton, world))
-        return assemble(self.skeleton, local, places[:, self.skeleton.pelvis], places, self.fps)
+        local = rot.quaternion_unroll(kinematics.local_rotations(self.skeleton, world))
+        return motion_from_local(self.skeleton, local, places[:, self.skeleton.pelvis], places, self.fps)

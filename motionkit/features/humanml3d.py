@@ -9,7 +9,7 @@ from .. import rotations as rot
 from ..errors import MotionKitError
 from ..motion import Motion
 from ..skeleton import Skeleton, smpl
-from .canonical import body_frames, forward_difference, integrate, motion_from_positions, place
+from .canonical import canonicalize, forward_difference, integrate, motion_from_positions, uncanonicalize
 from .layout import Layout, Row
 
 FACING_SMOOTHED_BY = 20.0  # frames, standard deviation, as the data were made
@@ -103,11 +103,11 @@ class HumanML3D(Layout):
         # bones are turned from the rest pose in the world's directions, so the published data depend on the heading:
         # there, as here, the first frame faces +Z
         motion = self._take(motion).at_origin()
-        body = body_frames(motion, FACING_SMOOTHED_BY)
+        body = canonicalize(motion, FACING_SMOOTHED_BY)
         places = motion.positions()
         against = rot.yaw_to_quaternion(-body.yaw)
         next_against = torch.cat((against[1:], against[-1:]))
-        turn = rot.wrap(forward_difference(body.yaw)) / -2
+        turn = rot.wrap_angle(forward_difference(body.yaw)) / -2
         step = rot.quaternion_rotate(next_against, forward_difference(body.root))
         root = torch.stack((turn, step[:, 0], step[:, 2], body.root[:, 1]), -1)
         moved = forward_difference(places)[:, self.order]
@@ -134,7 +134,7 @@ class HumanML3D(Layout):
             before = against
             for parent, joint in zip(chain, chain[1:], strict=False):
                 bone = places[:, joint] - places[:, parent]
-                whole = rot.between(places.new_tensor(_rest_direction(skeleton, joint)).expand_as(bone), bone)
+                whole = rot.rotation_between(places.new_tensor(_rest_direction(skeleton, joint)).expand_as(bone), bone)
                 result[:, joint] = rot.quaternion_multiply(rot.quaternion_inverse(before), whole)
                 before = whole
         return result
@@ -152,7 +152,7 @@ class HumanML3D(Layout):
         yaw, ground = self.path(x)
         local = x[:, self.slices["positions"]].unflatten(1, (-1, 3))
         root = x[:, 3, None, None] * x.new_tensor([0.0, 1.0, 0.0])
-        return place(torch.cat((root, local), 1)[:, self.file_order], yaw, ground)
+        return uncanonicalize(torch.cat((root, local), 1)[:, self.file_order], yaw, ground)
 
     def decode(self, x: Tensor) -> Motion:
         """Features [F, D] to a motion whose joints stand where the position slice says.

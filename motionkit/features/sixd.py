@@ -7,7 +7,7 @@ from torch import Tensor
 
 from .. import rotations as rot
 from ..motion import Motion
-from .canonical import assemble
+from .canonical import motion_from_local
 from .layout import Layout, Row
 
 
@@ -50,7 +50,7 @@ class SixD(Layout):
         local = rot.sixd_to_quaternion(x[:, self.slices["rotations"]].unflatten(1, (-1, 6)))
         pelvis = x[:, self.slices["translation"]]
         helpers = torch.zeros(len(x), len(self.skeleton), 3, dtype=x.dtype)
-        return assemble(self.skeleton, rot.unroll(local), pelvis, helpers, self.fps)
+        return motion_from_local(self.skeleton, rot.quaternion_unroll(local), pelvis, helpers, self.fps)
 
     def positions(self, x: Tensor) -> Tensor:
         """Features [F, 6J + 3] to joint places [F, J, 3], by forward kinematics: this layout stores none."""

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from .. import rotations as rot
 from ..motion import Motion
-from .canonical import assemble, forward_difference, integrate
+from .canonical import forward_difference, integrate, motion_from_local
 from .layout import Layout, Row
 
 
@@ -45,7 +45,7 @@ class StyleERD(Layout):
         motion = self._take(motion).at_origin()
         places = motion.positions()
         ground = places[:, self.skeleton.pelvis] * places.new_tensor([1.0, 0.0, 1.0])
-        parts = (rot.unroll(motion.rotations), places - ground[:, None], forward_difference(places))
+        parts = (rot.quaternion_unroll(motion.rotations), places - ground[:, None], forward_difference(places))
         return torch.cat([p.flatten(1) for p in parts], -1)
 
     def _read(self, x: Tensor) -> tuple[Tensor, Tensor]:
@@ -65,7 +65,7 @@ class StyleERD(Layout):
         x = self._check(x)
         places, pelvis = self._read(x)
         local = rot.normalize(x[:, self.slices["rotations"]].unflatten(1, (-1, 4)))
-        return assemble(self.skeleton, local, pelvis, places, self.fps)
+        return motion_from_local(self.skeleton, local, pelvis, places, self.fps)
 
 
 SETTLE = 0.3  # how much of the way to where its feet stand a body rises or falls in a frame, beside its velocity

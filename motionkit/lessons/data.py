@@ -12,14 +12,15 @@ import torch
 from torch import Tensor
 
 from .. import rotations as rot
-from ..actor import SEEN, UNSEEN, Performance, Style, mix, parameters, perform, retell, style_named
+from ..actor import Performance, Style, mix, parameters, perform, retell
+from ..actor.style import HELD_OUT_STYLES, TRAIN_STYLES, get_style
 from ..errors import MotionKitError
 from ..metrics import EDGES, speed_bands
 from ..motion import Motion
 from ..viewer import colours
-from ..viewer.figure import Pictured, draw_figure, figures, view_axes
+from ..viewer.figure import StillWidget, draw_figure, figures, view_axes
 from ..viewer.player import Player
-from ..viewer.plots import INK, SOFT, Print, few_colours, still, style_axes
+from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, still, style_axes
 
 STYLE_GROUPS = {  # the numbers that tell most at a glance
     "timing": ("tempo", "pauses", "asymmetry"),
@@ -38,9 +39,9 @@ def plot_styles(
     Figure.
 
     >>> from motionkit import actor
-    >>> picture = plot_styles([actor.style_named("old"), actor.style_named("proud")])
+    >>> picture = plot_styles([actor.get_style("old"), actor.get_style("proud")])
     """
-    picture = Print(figsize=(7.6, 4.6), dpi=110, layout="constrained") if ax is None else ax.figure
+    picture = StaticFigure(figsize=(7.6, 4.6), dpi=110, layout="constrained") if ax is None else ax.figure
     ax = picture.add_subplot() if ax is None else ax
     known, y, marks = parameters(), 0.0, {}
     for group in groups.values():
@@ -105,7 +106,7 @@ def cycle_mean(values: Tensor, phase: Tensor, bins: int = 25) -> Tensor:
     return found / torch.bincount(part, minlength=bins)
 
 
-def plot_phase(performances: Mapping[str, Performance], bins: int = 25) -> Print:
+def plot_phase(performances: Mapping[str, Performance], bins: int = 25) -> StaticFigure:
     """Knee, elbow, trunk and head of walks over the gait cycle, from one landing of the left foot to the next.
 
     performances: name to Performance, up to eight; each curve is the mean of its cycles. Returns the matplotlib Figure.
@@ -113,7 +114,7 @@ def plot_phase(performances: Mapping[str, Performance], bins: int = 25) -> Print
     >>> from motionkit import actor
     >>> picture = plot_phase({"neutral": actor.perform("walk", seconds=4)})
     """
-    picture = Print(figsize=(9.5, 4.6), dpi=100, layout="constrained")
+    picture = StaticFigure(figsize=(9.5, 4.6), dpi=100, layout="constrained")
     panels = list(picture.subplots(2, 2, sharex=True).flat)
     share = (torch.arange(bins) + 0.5) * 100 / bins
     for n, (name, performance) in enumerate(performances.items()):
@@ -128,7 +129,7 @@ def plot_phase(performances: Mapping[str, Performance], bins: int = 25) -> Print
     return picture
 
 
-def plot_joint_errors(pose: Motion, errors: Mapping[str, Tensor]) -> Print:
+def plot_joint_errors(pose: Motion, errors: Mapping[str, Tensor]) -> StaticFigure:
     """Errors on the body: around every joint a disc whose radius is the error, to the body's own scale.
 
     pose: one frame, the right answer. errors: name to millimetres a joint [J]; a panel for each, with the mean over
@@ -138,7 +139,7 @@ def plot_joint_errors(pose: Motion, errors: Mapping[str, Tensor]) -> Print:
     >>> pose = mk.load("data/actor/walk_old.bvh")[40:41]
     >>> picture = plot_joint_errors(pose, {"a guess": torch.full((22,), 30.0)})
     """
-    picture = Print(figsize=(2.9 * len(errors), 3.4), dpi=100, layout="constrained")
+    picture = StaticFigure(figsize=(2.9 * len(errors), 3.4), dpi=100, layout="constrained")
     figure = figures([pose.at_origin()], layout="overlay")[0]
     pale = replace(figure, colours=("#cfd6df",) * len(figure.colours))
     view = view_axes(figure.left)
@@ -161,7 +162,7 @@ def _disc(place: np.ndarray, radius: float) -> object:
     return Circle(place[:2], radius, facecolor=colours.CONTACT, alpha=0.3, lw=0, zorder=9)
 
 
-def plot_speed_bands(captured: Sequence[Motion], made: Sequence[Motion], joints: Mapping[str, str]) -> Print:
+def plot_speed_bands(captured: Sequence[Motion], made: Sequence[Motion], joints: Mapping[str, str]) -> StaticFigure:
     """How fast joints move, on average and in bands of frequency: captured clips as bars, made ones as dots.
 
     joints: name in the captured clips to name in the made ones, a panel each. A bar holds 95 % of the captured clips;
@@ -175,7 +176,7 @@ def plot_speed_bands(captured: Sequence[Motion], made: Sequence[Motion], joints:
     ours = torch.stack([speed_bands(m, list(joints.values())) for m in made]).median(0).values
     low, high = (torch.quantile(theirs, q, 0) for q in (0.025, 0.975))
     ticks = ["mean", *(f"{a:g}–\n{b:g}" for a, b in zip(EDGES, EDGES[1:]))]
-    picture = Print(figsize=(9.5, 3.0), dpi=100, layout="constrained")
+    picture = StaticFigure(figsize=(9.5, 3.0), dpi=100, layout="constrained")
     for n, (ax, name) in enumerate(zip(picture.subplots(1, len(joints), squeeze=False)[0], joints.values())):
         x = range(len(ticks))
         ax.bar(x, high[n] - low[n], 0.55, low[n], color="#cfd6df", label="95 % of captures")
@@ -193,7 +194,7 @@ def plot_speed_bands(captured: Sequence[Motion], made: Sequence[Motion], joints:
 _STRONGEST, _WEAKEST = 2.0, -0.5
 
 
-class StyleMixer(Pictured, ipywidgets.VBox):
+class StyleMixer(StillWidget, ipywidgets.VBox):
     """A performer over the sliders of their style; see `style_mixer`.
 
     controls: "style", "intensity", and every parameter in `STYLE_GROUPS`, name to widget. `style` is what they say,
@@ -203,7 +204,7 @@ class StyleMixer(Pictured, ipywidgets.VBox):
     about = "sliders"
 
     def __init__(self, intention: Performance, start: str) -> None:
-        self._intention, self._base, self._quiet = intention, style_named(start), False
+        self._intention, self._base, self._quiet = intention, get_style(start), False
         self.controls = _controls(self._base)
         self.performance = retell(intention, self._base)
         self.player = Player(self.performance.motion, height=360)
@@ -214,7 +215,7 @@ class StyleMixer(Pictured, ipywidgets.VBox):
         back.on_click(lambda _: self._begin(self._base))
         head = ipywidgets.HBox([self.controls["style"], self.controls["intensity"], back])
         super().__init__([self.player, head, ipywidgets.HBox(rows, layout={"flex_flow": "row wrap"})])
-        self.controls["style"].observe(lambda change: self._begin(style_named(change["new"])), "value")
+        self.controls["style"].observe(lambda change: self._begin(get_style(change["new"])), "value")
         for name, control in self.controls.items():
             if name != "style":
                 control.observe(self._retell, "value")
@@ -250,7 +251,7 @@ class StyleMixer(Pictured, ipywidgets.VBox):
 
     def still(self) -> bytes:
         """The performer beside the numbers of the style, as the bytes of a PNG."""
-        picture, raw = Print(figsize=(8.4, 3.8), dpi=100), io.BytesIO()
+        picture, raw = StaticFigure(figsize=(8.4, 3.8), dpi=100), io.BytesIO()
         frame = self.player.frame or len(self.performance) // 3
         still(self.performance.motion, frame, ax=picture.add_axes((0, 0, 0.46, 1)))
         plot_styles([self.style], ax=picture.add_axes((0.6, 0.08, 0.38, 0.9)))
@@ -272,8 +273,10 @@ def style_mixer(content: str = "walk", style: str = "neutral", seed: int = 1, se
     0.0
     """
     if not isinstance(style, str):
-        raise MotionKitError(f"style_mixer: style is a name, one of {', '.join((*SEEN, *UNSEEN))}; found {style!r}")
-    style_named(style)
+        raise MotionKitError(
+            f"style_mixer: style is a name, one of {', '.join((*TRAIN_STYLES, *HELD_OUT_STYLES))}; found {style!r}"
+        )
+    get_style(style)
     return StyleMixer(perform(content, "neutral", seed, seconds=seconds), style)
 
 
@@ -281,7 +284,10 @@ def _controls(style: Style) -> dict[str, ipywidgets.Widget]:
     """A dropdown for named styles, the intensity, and a slider for each number."""
     found: dict[str, ipywidgets.Widget] = {
         "style": ipywidgets.Dropdown(
-            options=(*SEEN, *UNSEEN), value=style.name, description="begin with", layout={"width": "230px"}
+            options=(*TRAIN_STYLES, *HELD_OUT_STYLES),
+            value=style.name,
+            description="begin with",
+            layout={"width": "230px"},
         ),
         "intensity": ipywidgets.FloatSlider(
             value=1.0, min=_WEAKEST, max=_STRONGEST, step=0.05, description="intensity", layout={"width": "290px"}

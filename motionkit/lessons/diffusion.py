@@ -13,7 +13,7 @@ from ..errors import MotionKitError
 from ..sampling import timesteps
 from ..viewer import colours
 from ..viewer.figure import as_list
-from ..viewer.plots import INK, SOFT, Print, strip, style_axes
+from ..viewer.plots import INK, SOFT, StaticFigure, strip, style_axes
 from .representation import Explorer
 
 
@@ -93,7 +93,7 @@ def plot_film(
         if cloud.ndim != 2 or cloud.shape[1] != 2 or (labels is not None and len(labels) != len(cloud)):
             found = list(cloud.shape) + ([f"with {len(labels)} labels"] if labels is not None else [])
             raise MotionKitError(f"plot_film: {name!r} must be points [N, 2], a label for each; found {found}")
-    picture = Print(figsize=(inches * len(clouds), inches + 0.3), dpi=105, layout="constrained")
+    picture = StaticFigure(figsize=(inches * len(clouds), inches + 0.3), dpi=105, layout="constrained")
     panels = picture.subplots(1, len(clouds), squeeze=False)[0]
     for ax, (name, cloud) in zip(panels, clouds.items()):
         if shadow is not None:
@@ -163,7 +163,7 @@ def plot_quality(
             raise MotionKitError(
                 f"plot_quality: {name!r} must be (steps, seconds, distance), all above 0; found {points}"
             )
-    picture = Print(figsize=(8.6, 2.9), dpi=105, layout="constrained")
+    picture = StaticFigure(figsize=(8.6, 2.9), dpi=105, layout="constrained")
     panels = picture.subplots(1, 2, sharey=True)
     for column, (ax, xlabel) in enumerate(zip(panels, ("steps", "seconds"))):
         for n, (name, points) in enumerate(runs.items()):

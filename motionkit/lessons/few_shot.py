@@ -13,9 +13,9 @@ from torch import Tensor
 from .. import bvh
 from ..errors import MotionKitError
 from ..motion import Motion
-from ..viewer.figure import Pictured
+from ..viewer.figure import StillWidget
 from ..viewer.player import Player
-from ..viewer.plots import INK, SOFT, Print, few_colours, strip
+from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, strip
 
 
 def _low_rank(weight: Tensor, down: Tensor, up: Tensor, strength: float) -> Tensor:
@@ -50,7 +50,7 @@ ALL = "all of them"
 _STRENGTHS = (0.0, 0.5, 0.75, 1.0, 1.25, 1.5)
 
 
-class StyleLesson(Pictured, ipywidgets.HBox):
+class StyleLesson(StillWidget, ipywidgets.HBox):
     """Controls on the left: a BVH file, a sentence that says what it does and how, *learn*; then what is to be played.
 
     On the right a player with a content and the same content in the style that was learned last, or with all contents
@@ -170,7 +170,7 @@ class StyleLesson(Pictured, ipywidgets.HBox):
         made, plain = self.results, self.chosen
         plain = [] if len(made) > 1 else plain
         rows, roles = [*plain, *made], ["content"] * len(plain) + ["result"] * len(made)
-        picture, raw = Print(figsize=(8.6, 1.0 + 1.7 * len(rows)), dpi=100), io.BytesIO()
+        picture, raw = StaticFigure(figsize=(8.6, 1.0 + 1.7 * len(rows)), dpi=100), io.BytesIO()
         labels = ["content", self.learned.style] if len(made) == 1 else self._names
         strip(rows, poses=9, labels=labels, roles=roles, ax=picture.add_axes((0, 0.12, 1, 0.85)))
         told = self.message if len(self.message) < 130 else f"{self.message[:127]}..."

@@ -20,7 +20,7 @@ from ..errors import MotionKitError
 from ..metrics import fmd, gaussian
 from ..viewer import colours
 from ..viewer.player import Player
-from ..viewer.plots import INK, SOFT, Print, few_colours, style_axes
+from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, style_axes
 from ..viewer.scenes import Scene
 
 CLOUD_COLOURS = ("#2244aa", "#d3622b")
@@ -46,7 +46,7 @@ def plot_clouds(
     clouds = [_flat(cloud, name) for cloud, name in zip((a, b), labels)]
     bells = [gaussian(cloud, str(name)) for cloud, name in zip(clouds, labels)]
     distance, means = fmd(*clouds), float(((bells[0][0] - bells[1][0]) ** 2).sum())
-    picture = Print(figsize=(6.4, 4.2), dpi=110, layout="constrained") if ax is None else ax.figure
+    picture = StaticFigure(figsize=(6.4, 4.2), dpi=110, layout="constrained") if ax is None else ax.figure
     ax = picture.add_subplot() if ax is None else ax
     for cloud, (mean, cov), name, ink in zip(clouds, bells, labels, CLOUD_COLOURS):
         shown = cloud[torch.linspace(0, len(cloud) - 1, min(len(cloud), _SHOWN)).long()]
@@ -129,7 +129,7 @@ def _draw_explored(noise: Tensor, shift: float, spread: float, turn: float, poin
     way = torch.tensor([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]], dtype=torch.float64)
     base = torch.diag(torch.tensor([1.0, 0.4], dtype=torch.float64))
     moved, offset = spread * base @ way, torch.tensor([shift, 0.0], dtype=torch.float64)
-    picture = Print(figsize=(7.0, 4.0), dpi=105)
+    picture = StaticFigure(figsize=(7.0, 4.0), dpi=105)
     ax = picture.add_axes((0.06, 0.08, 0.92, 0.76))
     plot_clouds(noise[0, :points] @ base, noise[1, :points] @ moved + offset, parts=True, ax=ax)
     ax.set_aspect("equal", adjustable="box", anchor="W")
@@ -157,7 +157,7 @@ def plot_confusion(
     counts: Tensor | Sequence[Tensor],
     labels: Sequence[str] | Sequence[Sequence[str]],
     title: str | Sequence[str] = "",
-) -> Print:
+) -> StaticFigure:
     """What a classifier takes each class for: rows are the truth, columns what it found, cells per cent of the row.
 
     counts: [C, C], as `mk.metrics.confusion` gives; or a list of them, drawn side by side, with a list of labels and of
@@ -179,7 +179,7 @@ def plot_confusion(
     tables = [_table(given, names) for given, names in zip(counts, labels)]
     sizes = [len(table) for table in tables]
     wide = min(1.9 * len(tables) + 0.42 * sum(sizes), 11.0)
-    picture = Print(figsize=(wide, min(1.5 + 0.42 * max(sizes), 5.6)), dpi=105, layout="constrained")
+    picture = StaticFigure(figsize=(wide, min(1.5 + 0.42 * max(sizes), 5.6)), dpi=105, layout="constrained")
     panels = picture.subplots(1, len(tables), squeeze=False, width_ratios=[size + 2 for size in sizes])[0]
     for ax, table, names, text in zip(panels, tables, labels, titles):
         _draw_table(ax, table, list(names))
@@ -233,7 +233,7 @@ _ACROSS = 4  # panels in a row
 _GOOD = {"down": "less is better", "up": "more is better", "one": "1 is like the content"}
 
 
-def plot_arena(table: ArenaTable, *columns: str) -> Print:
+def plot_arena(table: ArenaTable, *columns: str) -> StaticFigure:
     """The table of `mk.arena.run`, drawn: for each figure a panel, for each method a dot on the line of its interval.
 
     columns: which figures; all of the table's, if left out. The test clips themselves are a dashed line. A hollow dot
@@ -251,7 +251,7 @@ def plot_arena(table: ArenaTable, *columns: str) -> Print:
     across = min(_ACROSS, len(table.columns))
     down = -(-len(table.columns) // across)
     size = (1.1 + 2.3 * across, down * (0.75 + 0.28 * max(methods, 2)))
-    picture = Print(figsize=size, dpi=110, layout="constrained")
+    picture = StaticFigure(figsize=size, dpi=110, layout="constrained")
     panels = list(picture.subplots(down, across, squeeze=False, sharey=True).flat)
     for ax, column in zip(panels, table.columns):
         _panel(ax, column, {row.method: row.cell(column) for row in table.rows})
@@ -513,9 +513,9 @@ def _caption(text: str) -> dict:
     return {"text": text, **place, "showarrow": False, "font": {"color": SOFT, "size": 11}}
 
 
-def draw_map(drawn: _Drawn) -> Print:
+def draw_map(drawn: _Drawn) -> StaticFigure:
     """The map as a matplotlib Figure."""
-    picture = Print(figsize=(7.4, 4.6), dpi=100)
+    picture = StaticFigure(figsize=(7.4, 4.6), dpi=100)
     ax = picture.add_axes((0.01, 0.05, 0.77, 0.93))
     wide = 6 if len(drawn.rows) < 1000 else 5
     for label, own, ink, mark in _looks(drawn):

@@ -19,7 +19,7 @@ from .. import rotations as rot
 from ..errors import MotionKitError
 from ..viewer import colours
 from ..viewer.figure import as_list, cone_outline, draw_figure, figures, view_axes
-from ..viewer.plots import INK, SOFT, Print, style_axes
+from ..viewer.plots import INK, SOFT, StaticFigure, style_axes
 
 PARTS = {
     "root": "#39424e",
@@ -34,13 +34,13 @@ _DASHES = ("-", ":", "--", "-.")
 _PADDLE = ((0, 0.02), (0.1, 0.02), (0.13, 0.1), (0.38, 0.1), (0.38, -0.1), (0.13, -0.1), (0.1, -0.02), (0, -0.02))
 
 
-def plot_layouts(layouts: Sequence[object]) -> Print:
+def plot_layouts(layouts: Sequence[object]) -> StaticFigure:
     """One bar a layout, as long as its row of numbers and divided into its parts; returns the matplotlib Figure.
 
     >>> from motionkit.features import FacingFree, HumanML3D
     >>> picture = plot_layouts([FacingFree(), HumanML3D()])
     """
-    picture = Print(figsize=(9.5, 0.6 + 0.36 * len(layouts)), dpi=100, layout="constrained")
+    picture = StaticFigure(figsize=(9.5, 0.6 + 0.36 * len(layouts)), dpi=100, layout="constrained")
     ax = picture.add_subplot()
     for y, layout in enumerate(layouts):
         for row in layout.rows():
@@ -61,12 +61,12 @@ def _readable(colour: str) -> str:
     return INK if float(np.dot(colours.rgb(colour), (0.3, 0.59, 0.11))) > 0.57 else "#ffffff"
 
 
-def plot_paths(paths: Mapping[str, torch.Tensor], title: str = "") -> Print:
+def plot_paths(paths: Mapping[str, torch.Tensor], title: str = "") -> StaticFigure:
     """Named paths over the floor, [F, 2] of x and z, from above as in `plot_trajectory`; returns the matplotlib Figure.
 
     >>> picture = plot_paths({"there": torch.rand(9, 2), "back": torch.rand(9, 2)})
     """
-    picture = Print(figsize=(7.5, 3.4), dpi=100, layout="constrained")
+    picture = StaticFigure(figsize=(7.5, 3.4), dpi=100, layout="constrained")
     ax = picture.add_subplot()
     tints = (colours.ROLES["content"], INK, colours.LEFT, colours.CONTACT, *colours.CYCLE)
     for n, (name, path) in enumerate(paths.items()):
@@ -79,7 +79,7 @@ def plot_paths(paths: Mapping[str, torch.Tensor], title: str = "") -> Print:
     return picture
 
 
-def plot_paddle(motions: Mapping[str, object], frame: int) -> Print:
+def plot_paddle(motions: Mapping[str, object], frame: int) -> StaticFigure:
     """One frame of named motions side by side, a paddle fixed to each right wrist; returns the matplotlib Figure.
 
     A skeleton of bare lines does not show how a bone is turned about its own length; the paddle does.
@@ -87,7 +87,7 @@ def plot_paddle(motions: Mapping[str, object], frame: int) -> Print:
     >>> import motionkit as mk
     >>> picture = plot_paddle({"walk": mk.load("data/actor/walk_neutral.bvh")}, frame=15)
     """
-    picture = Print(figsize=(0.5 + 3 * len(motions), 3.9), dpi=100, layout="constrained")
+    picture = StaticFigure(figsize=(0.5 + 3 * len(motions), 3.9), dpi=100, layout="constrained")
     ax = picture.add_subplot()
     for n, (name, motion) in enumerate(motions.items()):
         figure, hand = figures(motion)[0], motion.skeleton.roles["right_wrist"]
@@ -342,7 +342,7 @@ def facing_view(motion: object, frame: int | None = None) -> FacingView:
     low, high = path.min(0) - 0.75, path.max(0) + 0.75
     look |= {
         "box": [*((low + high) / 2).round(3).tolist(), round(float((high - low).max()), 3)],
-        "yaw": rot.wrap(motion.facing()).tolist(),
+        "yaw": rot.wrap_angle(motion.facing()).tolist(),
         "root": root.T.tolist(),
         "colour": colours.CYCLE[0],
         "deep": colours.CONTACT,
@@ -367,7 +367,7 @@ def feature_inspector(
     ('left_knee', 'positions y of left_knee (m)')
     """
     from ..features import HumanML3D
-    from ..features.canonical import body_frames
+    from ..features.canonical import canonicalize
 
     (motion,) = _one(motion)
     layout = HumanML3D() if layout is None else layout
@@ -375,7 +375,7 @@ def feature_inspector(
     look = _look_of(motion) | _meaning(layout)
     spreads = values.std(0)
     axes = view_axes(np.float32([1, 0, 0]))
-    points = body_frames(motion).local.numpy()
+    points = canonicalize(motion).local.numpy()
     up = points @ axes[1]
     look |= {
         "means": values.mean(0).round(6).tolist(),

@@ -16,7 +16,7 @@ from .. import rotations as rot
 from ..errors import MotionKitError
 from ..viewer import colours
 from ..viewer.figure import draw_figure, draw_floor, figures, view_axes
-from ..viewer.plots import INK, SOFT, Print, _axes, few_colours, style_axes
+from ..viewer.plots import INK, SOFT, StaticFigure, _axes, few_colours, style_axes
 
 _JUMP = 0.2  # a curve that steps further from one value to the next counts as broken
 
@@ -30,7 +30,7 @@ def plot_rotation_paths(paths: Mapping[str, Tensor], fps: float = 60.0) -> objec
     >>> turn = rot.yaw_to_quaternion(torch.linspace(0, 1, 61))
     >>> picture = plot_rotation_paths({"about Y": turn})
     """
-    picture = Print(figsize=(7.6, 3.4), dpi=110, layout="constrained")
+    picture = StaticFigure(figsize=(7.6, 3.4), dpi=110, layout="constrained")
     ball, speed = picture.add_subplot(1, 2, 1, projection="3d"), picture.add_subplot(1, 2, 2)
     _draw_ball(ball)
     inks = (colours.CONTACT, colours.ROLES["content"], *colours.CYCLE)
@@ -69,7 +69,7 @@ def plot_numbers(
     >>> picture = plot_numbers({"circle": torch.stack((angle.cos(), angle.sin()), 1)}, {"circle": "xy"}, angle)
     """
     rows = (len(ways) + 1) // 2
-    picture = Print(figsize=(7.6, 2.1 * rows), dpi=110, layout="constrained")
+    picture = StaticFigure(figsize=(7.6, 2.1 * rows), dpi=110, layout="constrained")
     panels = picture.subplots(rows, 2, sharex=True, squeeze=False).flat
     for ax, (name, values) in zip(panels, ways.items()):
         for n, (letter, column) in enumerate(zip(letters[name], values.T)):
@@ -94,7 +94,7 @@ def plot_from_side(motions: Mapping[str, object], right: str) -> object:
     >>> walk = mk.load("data/actor/walk_neutral.bvh")[::20]
     >>> picture = plot_from_side({"a walk": walk}, right="a walk")
     """
-    picture = Print(figsize=(7.6, 1.55 * len(motions)), dpi=110, layout="constrained")
+    picture = StaticFigure(figsize=(7.6, 1.55 * len(motions)), dpi=110, layout="constrained")
     panels = picture.subplots(len(motions), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for ax, (name, motion) in zip(panels, motions.items()):
         skeleton = motion.skeleton
@@ -212,7 +212,7 @@ def _draw_ring(ax: object, axle: np.ndarray, start: np.ndarray, angle: float, ra
     u = (
         start / np.linalg.norm(start)
         if np.linalg.norm(start) > 1e-3
-        else rot.perpendicular(torch.from_numpy(axle)).numpy()
+        else rot.perpendicular_to(torch.from_numpy(axle)).numpy()
     )
     v = np.cross(axle, u)
     t = np.linspace(0, 2 * np.pi, 97)[:, None]
@@ -249,7 +249,9 @@ def write_numbers(picture: object, order: str, degrees: Sequence[float]) -> None
     """The same rotation as Euler angles, quaternion, matrix and 6D, and how free the gimbal is, at the right."""
     from matplotlib.patches import Rectangle
 
-    q = rot.positive(rot.euler_to_quaternion(torch.deg2rad(torch.tensor(degrees, dtype=torch.float64)), order))
+    q = rot.quaternion_canonical(
+        rot.euler_to_quaternion(torch.deg2rad(torch.tensor(degrees, dtype=torch.float64)), order)
+    )
     matrix, free = rot.quaternion_to_matrix(q).tolist(), gimbal_freedom(order, degrees)
 
     def row(y: float, values: Sequence[str], inks: Sequence[str] = (INK,) * 4) -> None:

@@ -12,12 +12,12 @@ from torch import Tensor
 
 from ..errors import MotionKitError
 from ..files import MotionKitWarning
-from ..methods.text_to_motion import SCALE
+from ..methods.text_to_motion import GUIDANCE_SCALE
 from ..motion import Motion
 from ..text import similarity
-from ..viewer.figure import Pictured
+from ..viewer.figure import StillWidget
 from ..viewer.player import Player
-from ..viewer.plots import INK, SOFT, Print, few_colours, strip
+from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, strip
 
 _WRITTEN = 14  # rows and columns up to which numbers are written into the cells
 
@@ -29,7 +29,7 @@ def plot_similarity(
     *,
     title: str = "",
     marks: Sequence[tuple[int, int]] = (),
-) -> Print:
+) -> StaticFigure:
     """A table of cosines as shades: white for 0 and below, dark blue for 1.
 
     near: [N, M], as `mk.text.similarity` gives. rows, columns: N and M texts; columns are the rows if left out. marks:
@@ -48,7 +48,7 @@ def plot_similarity(
             f"{list(near.shape)}"
         )
     small = max(near.shape) <= _WRITTEN
-    picture = Print(figsize=_size(rows, columns, small), dpi=105, layout="constrained")
+    picture = StaticFigure(figsize=_size(rows, columns, small), dpi=105, layout="constrained")
     ax = picture.add_subplot()
     ax.imshow(near.detach().cpu().numpy(), cmap="Blues", vmin=0, vmax=1, aspect="auto")
     _name(ax, rows, columns, small)
@@ -94,7 +94,7 @@ PROMPT = "a person walks in depression"
 _TINTS = {"said": SOFT, "warning": "#9a6200", "error": "#b3261e"}
 
 
-class PromptBox(Pictured, ipywidgets.HBox):
+class PromptBox(StillWidget, ipywidgets.HBox):
     """A sentence on the left, and on the right a player with the motion that a prior makes of it.
 
     Press Enter and the player follows, and so it does at every move of a slider; "another" asks the same again from
@@ -104,9 +104,9 @@ class PromptBox(Pictured, ipywidgets.HBox):
 
     prior: a `text_to_motion.Prior`, or anything with its `generate`, `longest`, `fps`, `guided`, `encoder`, `known` and
     `known_embeddings`. seconds: of the motion, at most what the prior learned from; 4, or that, if left out. scale: of
-    guidance; `text_to_motion.SCALE` if left out, where it can be guided. steps: of the sampler. seed: of the noise.
-    Raises MotionKitError if the first sentence, or a number, will not do. Source: paper 1, section 3.3, with a box
-    around it.
+    guidance; `text_to_motion.GUIDANCE_SCALE` if left out, where it can be guided. steps: of the sampler. seed: of the
+    noise. Raises MotionKitError if the first sentence, or a number, will not do. Source: paper 1, section 3.3, with a
+    box around it.
 
     controls: "prompt", "seconds", "scale" and "seed", name to widget; set their values and the box follows. `motion` is
     what is shown, `message` what stands under the controls.
@@ -135,7 +135,7 @@ class PromptBox(Pictured, ipywidgets.HBox):
     ) -> None:
         _check_prior(prior)
         self._prior, self._steps, self.message, self._kind = prior, steps, "", "said"
-        scale = (SCALE if prior.guided else 1.0) if scale is None else scale
+        scale = (GUIDANCE_SCALE if prior.guided else 1.0) if scale is None else scale
         seconds = min(4.0, prior.longest / prior.fps) if seconds is None else seconds
         self._near = _nearest(prior, prompt)
         self.motion, told = _answer(prior, prompt, seconds=seconds, scale=scale, steps=steps, seed=seed)
@@ -196,7 +196,7 @@ class PromptBox(Pictured, ipywidgets.HBox):
 
     def still(self) -> bytes:
         """The sentence, poses of the motion made of it, and the message, as the bytes of a PNG."""
-        picture, raw = Print(figsize=(8.6, 3.0), dpi=100), io.BytesIO()
+        picture, raw = StaticFigure(figsize=(8.6, 3.0), dpi=100), io.BytesIO()
         box = {"boxstyle": "round,pad=0.45", "facecolor": "white", "edgecolor": "#9aa5b1"}
         picture.text(0.035, 0.9, self.motion.name, fontsize=12, color=INK, va="center", bbox=box)
         strip(self.motion, poses=9, ax=picture.add_axes((0, 0.1, 1, 0.72)))

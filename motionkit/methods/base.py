@@ -13,9 +13,9 @@ from torch import Tensor
 
 from .. import rotations as rot
 from ..contacts import foot_contacts, lock_feet, two_bone_ik
-from ..dtw import smoothed
+from ..dtw import gaussian_smooth
 from ..errors import MotionKitError, motion_inside
-from ..features.canonical import body_frames
+from ..features.canonical import canonicalize
 from ..motion import Motion
 from ..retargeting import retarget
 from ..skeleton import Skeleton
@@ -26,13 +26,13 @@ _UNDER = 0.01  # metres: feet that go less deep under the ground are let go
 _SOFT = 0.07  # seconds over which a foot that goes deeper is lifted
 
 
-def check_clips(method: str, content: Motion, style: Motion, strength: float = 1.0) -> None:
+def check_motions(method: str, content: Motion, style: Motion, strength: float = 1.0) -> None:
     """Raises MotionKitError unless both are motions of two frames or more, and strength is a finite number.
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> check_clips("statistics", walk, walk)
-    >>> check_clips("statistics", walk, walk, strength="1")
+    >>> check_motions("statistics", walk, walk)
+    >>> check_motions("statistics", walk, walk, strength="1")
     Traceback (most recent call last):
     ...
     motionkit.errors.MotionKitError: statistics: strength must be a number ...
@@ -48,14 +48,14 @@ def check_clips(method: str, content: Motion, style: Motion, strength: float = 1
     for what, motion in (("content", content), ("style", style)):
         if len(motion) < 2:
             raise MotionKitError(f"the {what} clip {motion.name!r} has {len(motion)} frames; two are the least")
-    check_share(f"{method}: strength", strength)
+    check_strength(f"{method}: strength", strength)
 
 
-def check_share(what: str, share: object) -> None:
+def check_strength(what: str, share: object) -> None:
     """Raises MotionKitError unless it is a number that can say how much of a style is wanted.
 
-    >>> check_share("strength", 1.5)
-    >>> check_share("strength", 50)
+    >>> check_strength("strength", 1.5)
+    >>> check_strength("strength", 50)
     Traceback (most recent call last):
     ...
     motionkit.errors.MotionKitError: strength must be a number from -5 to 5, 1 for all of the style; found 50
@@ -68,12 +68,12 @@ def check_share(what: str, share: object) -> None:
 _BODIES: WeakKeyDictionary[Skeleton, Skeleton] = WeakKeyDictionary()
 
 
-def body_of(motion: Motion) -> Motion:
+def without_helper_joints(motion: Motion) -> Motion:
     """`Motion.body`, with one skeleton object for all motions that share theirs: what it knows is worked out once.
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> body_of(walk) is walk
+    >>> without_helper_joints(walk) is walk
     True
     """
     body = motion.body()
@@ -96,25 +96,25 @@ def same_rest(a: Skeleton, b: Skeleton) -> bool:
     return not bones or float((u - v).norm(dim=-1).max()) < 0.15  # a broader body's bones lean a little more
 
 
-def fitting(motion: Motion, like: Motion) -> Motion:
+def retarget_if_needed(motion: Motion, like: Motion) -> Motion:
     """A motion on a skeleton where poses mean what they mean for `like`: as it is if they do, else retargeted.
 
     Raises MotionKitError where the one body cannot do what the other does (`mk.retarget`).
 
     >>> import motionkit as mk
     >>> walk, old = (mk.load(f"data/actor/walk_{s}.bvh") for s in ("neutral", "old"))
-    >>> fitting(old, walk) is old
+    >>> retarget_if_needed(old, walk) is old
     True
     """
     return motion if same_rest(motion.skeleton, like.skeleton) else retarget(motion, like)
 
 
-def on_body(motion: Motion, like: Motion) -> Motion:
+def retarget_to(motion: Motion, like: Motion) -> Motion:
     """A motion on the very skeleton of another: as it is if it stands on it, else retargeted, bone lengths and all.
 
     >>> import motionkit as mk
     >>> walk, old = (mk.load(f"data/actor/walk_{s}.bvh") for s in ("neutral", "old"))
-    >>> on_body(old, walk).skeleton is walk.skeleton
+    >>> retarget_to(old, walk).skeleton is walk.skeleton
     True
     """
     a, b = motion.skeleton, like.skeleton
@@ -136,7 +136,7 @@ def velocity_factor(motion: Motion) -> float:
     >>> velocity_factor(mk.load("data/actor/walk_old.bvh")) < velocity_factor(mk.load("data/actor/walk_neutral.bvh"))
     True
     """
-    seen = body_frames(motion).local
+    seen = canonicalize(motion).local
     local = seen - seen[:, motion.skeleton.pelvis, None]
     if len(local) < 2:
         return 0.0
@@ -182,7 +182,7 @@ def scale_path(motion: Motion, factor: float) -> Motion:
     return motion.replace(translations=translations)
 
 
-def in_step(body: Motion, content: Motion) -> Motion:
+def match_root_speed(body: Motion, content: Motion) -> Motion:
     """A restyled body whose speed over the ground goes with its own movements (paper 1, eq. 13, see `velocity_factor`).
 
     The paper's factor is that of the style clip over the content's. It speaks of what is done in the style clip: one
@@ -191,38 +191,38 @@ def in_step(body: Motion, content: Motion) -> Motion:
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> bool((in_step(walk, walk).positions() - walk.positions()).abs().max() < 1e-5)
+    >>> bool((match_root_speed(walk, walk).positions() - walk.positions()).abs().max() < 1e-5)
     True
     """
-    return scale_path(body, pace(body, content))
+    return scale_path(body, speed_ratio(body, content))
 
 
-def pace(body: Motion, content: Motion) -> float:
-    """The factor of `in_step`, within bounds.
+def speed_ratio(body: Motion, content: Motion) -> float:
+    """The factor of `match_root_speed`, within bounds.
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> pace(walk, walk)
+    >>> speed_ratio(walk, walk)
     1.0
     """
-    return within(velocity_factor(body) / max(velocity_factor(content), 1e-6))
+    return clamp_ratio(velocity_factor(body) / max(velocity_factor(content), 1e-6))
 
 
-def within(factor: float, most: float = 3.0) -> float:
+def clamp_ratio(factor: float, most: float = 3.0) -> float:
     """A factor of speed, no more than `most` and no less than its inverse: a body that waits hardly moves at all.
 
-    >>> within(0.6), within(80.0)
+    >>> clamp_ratio(0.6), clamp_ratio(80.0)
     (0.6, 3.0)
     """
     return min(max(factor, 1 / most), most)
 
 
-def placed(body: Motion, content: Motion) -> Motion:
+def align_start(body: Motion, content: Motion) -> Motion:
     """A motion turned and moved so that it starts where another one starts, facing the same way.
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> gap = placed(walk.moved(1.0, (2.0, 0.0, 3.0)), walk).positions() - walk.positions()
+    >>> gap = align_start(walk.moved(1.0, (2.0, 0.0, 3.0)), walk).positions() - walk.positions()
     >>> bool(gap.abs().max() < 1e-4)
     True
     """
@@ -232,14 +232,14 @@ def placed(body: Motion, content: Motion) -> Motion:
     return turned.moved(offset=(float(shift[0]), 0.0, float(shift[1])))
 
 
-def on_the_ground(body: Motion, content: Motion) -> Motion:
+def clean_up_feet(body: Motion, content: Motion) -> Motion:
     """Standing feet held still, at the height that the content's have, when those stand; no foot under the ground.
 
     body, content: F frames each on one skeleton. A body without feet is returned as it is.
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> float(on_the_ground(walk.moved(offset=(0, 0.1, 0)), walk).positions()[..., 1].min()) < 0.02
+    >>> float(clean_up_feet(walk.moved(offset=(0, 0.1, 0)), walk).positions()[..., 1].min()) < 0.02
     True
     """
     try:
@@ -268,28 +268,28 @@ def _above_ground(body: Motion, content: Motion, feet: list[int]) -> Motion:
             around = max(1, round(_SOFT * body.fps))
             most = torch.nn.functional.max_pool1d(under[None, None], 2 * around + 1, 1, around)[0, 0]
             up = torch.stack(
-                (torch.zeros_like(most), smoothed(most[:, None], around)[:, 0], torch.zeros_like(most)), -1
+                (torch.zeros_like(most), gaussian_smooth(most[:, None], around)[:, 0], torch.zeros_like(most)), -1
             )
             body = two_bone_ik(body, leg, places[:, leg[2]] + up)
     return body
 
 
-def named(content: Motion, style: Motion | str) -> str:
+def result_name(content: Motion, style: Motion | str) -> str:
     """What a result is called.
 
     >>> import motionkit as mk
-    >>> named(mk.load("data/actor/walk_neutral.bvh"), "old")
+    >>> result_name(mk.load("data/actor/walk_neutral.bvh"), "old")
     'walk_neutral as old'
     """
     return f"{content.name} as {getattr(style, 'name', style)}"
 
 
-def key_of(motion: Motion) -> bytes:
+def motion_hash(motion: Motion) -> bytes:
     """The same for motions that are the same to the last bit, and for no others: what caches go by.
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> key_of(walk) == key_of(mk.load("data/actor/walk_neutral.bvh")), key_of(walk) == key_of(walk[1:])
+    >>> motion_hash(walk[:]) == motion_hash(walk), motion_hash(walk) == motion_hash(walk[1:])
     (True, False)
     """
     found = hashlib.blake2b(f"{motion.fps} {motion.skeleton.names} {motion.skeleton.parents}".encode(), digest_size=16)
@@ -309,10 +309,10 @@ def rest_key(skeleton: Skeleton) -> tuple:
     return skeleton.names, skeleton.parents, tuple(bones)
 
 
-class Memory:
+class LRUCache:
     """Keeps what was worked out, the `most` latest of it.
 
-    >>> memory = Memory(most=2)
+    >>> memory = LRUCache(most=2)
     >>> [memory.get(n, lambda: print("worked out") or n) for n in (1, 1)]
     worked out
     [1, 1]

@@ -9,28 +9,28 @@ from torch import Tensor
 
 from .. import rotations as rot
 from ..datasets import Dataset
-from ..dtw import movement, smoothed
+from ..dtw import gaussian_smooth, pose_velocity_features
 from ..errors import MotionKitError, motion_inside
 from ..features import FacingFree
 from ..motion import Motion
 from .base import (
-    Memory,
-    body_of,
-    check_clips,
-    fitting,
-    in_step,
-    key_of,
+    LRUCache,
+    align_start,
+    check_motions,
+    clamp_ratio,
+    clean_up_feet,
     liveliness,
-    named,
-    on_body,
-    on_the_ground,
-    placed,
+    match_root_speed,
+    motion_hash,
     rest_key,
+    result_name,
+    retarget_if_needed,
+    retarget_to,
     same_rest,
     warp_velocity,
-    within,
+    without_helper_joints,
 )
-from .neutral_pairs import NEUTRAL, ByLabels, NeutralPairs, Pair, add_difference
+from .neutral_pairs import NEUTRAL, ByLabels, NeutralPairs, Pair, add_pose_difference
 
 
 class CopyContent:
@@ -49,7 +49,7 @@ class CopyContent:
         if not isinstance(content, Motion):
             hint = motion_inside(content)
             raise MotionKitError(f"the content must be a Motion, such as mk.load('walk.bvh'); found {content!r}{hint}")
-        return content.replace(name=named(content, style))
+        return content.replace(name=result_name(content, style))
 
 
 class CopyStyle:
@@ -71,11 +71,11 @@ class CopyStyle:
         It starts where the content starts, facing the same way. Raises MotionKitError for what is no Motion, or a body
         that cannot do what the style's does.
         """
-        check_clips(self.name, content, style)
-        body = body_of(content)
-        copied = placed(on_body(body_of(style.resample(content.fps)), body), body)
+        check_motions(self.name, content, style)
+        body = without_helper_joints(content)
+        copied = align_start(retarget_to(without_helper_joints(style.resample(content.fps)), body), body)
         around = content.at(torch.arange(len(copied)))  # helper joints above the pelvis, as the content has them
-        return around.with_body(copied).replace(name=named(content, style))
+        return around.with_body(copied).replace(name=result_name(content, style))
 
 
 def match_statistics(content: Tensor, style: Tensor, most: float = 3.0) -> Tensor:
@@ -110,7 +110,7 @@ class Statistics:
     name = "statistics"
 
     def __init__(self) -> None:
-        self._fitted = Memory(32)
+        self._fitted = LRUCache(32)
 
     def stylize(self, content: Motion, style: Motion, strength: float = 1.0, lock: bool = True) -> Motion:
         """The content clip in the manner of the style clip.
@@ -121,32 +121,32 @@ class Statistics:
         MotionKitError if the style is no Motion, a clip is too short, strength is no number, or the style's body cannot
         be brought to the content's.
         """
-        check_clips(self.name, content, style, strength)
+        check_motions(self.name, content, style, strength)
         if strength == 0:
-            return content.replace(name=named(content, style))
-        given, layout = body_of(content), FacingFree(fps=content.fps)
+            return content.replace(name=result_name(content, style))
+        given, layout = without_helper_joints(content), FacingFree(fps=content.fps)
         x = layout.encode(given)
         wanted, style_liveliness = self._style(style, given)
         y = torch.lerp(x, match_statistics(x, wanted), strength)
         y[:, :3] = x[:, :3]  # the path is the content's; only its speed is warped
-        factor = 1 + strength * (within(style_liveliness / liveliness(given)) - 1)
+        factor = 1 + strength * (clamp_ratio(style_liveliness / liveliness(given)) - 1)
         place = given.translations[0, 0] * torch.tensor([1.0, 0.0, 1.0])
         body = layout.decode(warp_velocity(y, factor)).moved(given[:1].facing()[0], place)
         if lock:
-            body = on_the_ground(body, given)
-        return content.with_body(body).replace(name=named(content, style))
+            body = clean_up_feet(body, given)
+        return content.with_body(body).replace(name=result_name(content, style))
 
     def _style(self, style: Motion, content: Motion) -> tuple[Tensor, float]:
         """The style's features [G, D] on the content's kind of body, and how lively it is."""
 
         def work_out() -> tuple[Tensor, float]:
-            fitted = fitting(body_of(style.resample(content.fps)), content)
+            fitted = retarget_if_needed(without_helper_joints(style.resample(content.fps)), content)
             return FacingFree(fitted.skeleton, content.fps).encode(fitted), liveliness(fitted)
 
-        return self._fitted.get((key_of(style), content.fps, rest_key(content.skeleton)), work_out)
+        return self._fitted.get((motion_hash(style), content.fps, rest_key(content.skeleton)), work_out)
 
 
-_NEAR = 0.3  # frames less unlike than this, in the unit of `movement`, count as the same
+_NEAR = 0.3  # frames less unlike than this, in the unit of `pose_velocity_features`, count as the same
 _CARRY_EASE = 0.07  # seconds: standard deviation of the Gaussian over differences that are carried over
 
 
@@ -156,16 +156,16 @@ class KnnDtw(ByLabels):
     The style clip's pair is the nearest segment of a neutral clip of the same content, aligned by dynamic time warping.
     In each frame of the content, the result is the content plus the pair's difference in those frames whose neutral
     pose and speed are most like the content's; so a kick can be as old as the walk it is taken from. A content that is
-    styled itself is made neutral in the same way first. The content's timing stays; the root's speed goes with the
-    size of the movements (`base.in_step`, after paper 1, eq. 13). library: a labelled Dataset; left out, `actor`'s
+    styled itself is made neutral in the same way first. The content's timing stays; the root's speed goes with the size
+    of the movements (`base.match_root_speed`, after paper 1, eq. 13). library: a labelled Dataset; left out, `actor`'s
     training part.
 
     >>> import motionkit as mk
-    >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
+    >>> from motionkit.datasets import BvhSource, Item, Labels, from_items
     >>> walk, style = mk.load("data/actor/walk_neutral.bvh"), mk.load("data/actor/walk_old.bvh")
     >>> jump = Item("jump", Labels("jump", "neutral", ()), BvhSource.at("data/actor/jump_neutral.bvh"))
     >>> step = Item("walk", Labels("walk", "neutral", ()), BvhSource.at("data/actor/walk_neutral.bvh"))
-    >>> method = mk.methods.load("knn-dtw", library=of_items("mine", [jump, step]))
+    >>> method = mk.methods.load("knn-dtw", library=from_items("mine", [jump, step]))
     >>> method.stylize(walk, style=style, style_content="walk")
     Motion('walk_neutral as walk_old', 120 frames at 30 fps, 4.0 s, 22 joints)
     """
@@ -185,7 +185,7 @@ class KnnDtw(ByLabels):
 
         content: what the clip does, a label of the library; left out, neutral clips of all contents are searched.
         """
-        check_clips(self.name, style, style)
+        check_motions(self.name, style, style)
         return self.pairs.neutral_of(style, content)
 
     def stylize(
@@ -209,39 +209,39 @@ class KnnDtw(ByLabels):
         style's; where it is neutral, the content is only made neutral. Returns F frames at the content's rate, on its
         skeleton, starting where it starts. Raises MotionKitError for arguments that are none of these.
         """
-        check_clips(self.name, content, style, strength)
+        check_motions(self.name, content, style, strength)
         if strength == 0:
-            return content.replace(name=named(content, style))
-        given = body_of(content)
+            return content.replace(name=result_name(content, style))
+        given = without_helper_joints(content)
         body = given
         if content_style is not None and content_style not in NEUTRAL:
             own = self.pairs.pair(content, content_label, given)
-            body = add_difference(body, -strength * carried(body, own.looks[0], own.difference))
+            body = add_pose_difference(body, -strength * carry_difference(body, own.looks[0], own.difference))
         if style_label not in NEUTRAL:
             pair = self.pairs.pair(style.resample(content.fps), style_content, given)
-            body = add_difference(body, strength * carried(body, pair.looks[1], pair.difference))
-        body = in_step(body, given)
+            body = add_pose_difference(body, strength * carry_difference(body, pair.looks[1], pair.difference))
+        body = match_root_speed(body, given)
         if lock:
-            body = on_the_ground(body, given)
-        return content.with_body(body).replace(name=named(content, style))
+            body = clean_up_feet(body, given)
+        return content.with_body(body).replace(name=result_name(content, style))
 
 
-def carried(motion: Motion, known: Tensor, differences: Tensor) -> Tensor:
+def carry_difference(motion: Motion, known: Tensor, differences: Tensor) -> Tensor:
     """For each frame of a motion the differences of those of another's frames that are most like it, [F, D].
 
-    known: `movement` of the other, [G, 6J], not centred. differences: [G, D], one for each of its frames. Frames count
-    by a Gaussian of how unlike they are, which is as wide as the nearest one is far: where nothing is near, it becomes
-    their mean. Eased over neighbouring frames.
+    known: `pose_velocity_features` of the other, [G, 6J], not centred. differences: [G, D], one for each of its frames.
+    Frames count by a Gaussian of how unlike they are, which is as wide as the nearest one is far: where nothing is
+    near, it becomes their mean. Eased over neighbouring frames.
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> carried(walk[:50], movement(walk, centred=False), torch.ones(120, 1)).mean()
+    >>> carry_difference(walk[:50], pose_velocity_features(walk, centred=False), torch.ones(120, 1)).mean()
     tensor(1.)
     """
-    unlike = torch.cdist(movement(motion, centred=False), known)
+    unlike = torch.cdist(pose_velocity_features(motion, centred=False), known)
     width = unlike.amin(1, keepdim=True).clamp(min=_NEAR)
     weights = torch.softmax(-0.5 * (unlike / width) ** 2, 1)
-    return smoothed(weights @ differences, _CARRY_EASE * motion.fps)
+    return gaussian_smooth(weights @ differences, _CARRY_EASE * motion.fps)
 
 
 _TAPS = (-1 / 3, -1 / 6, 0.0, 1 / 6, 1 / 3)  # seconds from the frame that is predicted
@@ -284,7 +284,7 @@ class Filter:
     def apply(self, motion: Motion, strength: float) -> Motion:
         """The motion with what the filter predicts added to its poses."""
         change = _moments((_poses(motion) - self.mean) @ self.axes, motion.fps) @ self.weights + self.bias
-        return add_difference(motion, strength * smoothed(change, _PREDICT_EASE * motion.fps))
+        return add_pose_difference(motion, strength * gaussian_smooth(change, _PREDICT_EASE * motion.fps))
 
 
 def _poses(motion: Motion) -> Tensor:
@@ -316,10 +316,10 @@ class Linear(ByLabels):
     for.
 
     >>> import motionkit as mk
-    >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
+    >>> from motionkit.datasets import BvhSource, Item, Labels, from_items
     >>> walk, style = mk.load("data/actor/walk_neutral.bvh"), mk.load("data/actor/walk_old.bvh")
     >>> step = Item("walk", Labels("walk", "neutral", ()), BvhSource.at("data/actor/walk_neutral.bvh"))
-    >>> mk.methods.load("linear", library=of_items("mine", [step])).stylize(walk, style=style)
+    >>> mk.methods.load("linear", library=from_items("mine", [step])).stylize(walk, style=style)
     Motion('walk_neutral as walk_old', 120 frames at 30 fps, 4.0 s, 22 joints)
     """
 
@@ -334,7 +334,7 @@ class Linear(ByLabels):
 
     def fit(self, train: Dataset | None) -> Linear:
         """Learn from this dataset from now on; its clips are read when their style is first asked for."""
-        self.pairs, self._filters = NeutralPairs(train), Memory(128)
+        self.pairs, self._filters = NeutralPairs(train), LRUCache(128)
         return self
 
     def stylize(
@@ -360,10 +360,10 @@ class Linear(ByLabels):
         """
         if isinstance(style, str):
             style_label = self._known(style)
-        check_clips(self.name, content, content if isinstance(style, str) else style, strength)
+        check_motions(self.name, content, content if isinstance(style, str) else style, strength)
         if strength == 0:
-            return content.replace(name=named(content, style))
-        given = body_of(content)
+            return content.replace(name=result_name(content, style))
+        given = without_helper_joints(content)
         body = given
         for clip, said, label, back in (
             (content, content_label, content_style or NEUTRAL[0], True),
@@ -371,10 +371,10 @@ class Linear(ByLabels):
         ):
             if label not in NEUTRAL:
                 body = self._filter(clip, said, label, back, given).apply(body, strength)
-        body = in_step(body, given)
+        body = match_root_speed(body, given)
         if lock:
-            body = on_the_ground(body, given)
-        return content.with_body(body).replace(name=named(content, style))
+            body = clean_up_feet(body, given)
+        return content.with_body(body).replace(name=result_name(content, style))
 
     def _known(self, style: str) -> str:
         styles = self.pairs.library.styles
@@ -392,7 +392,7 @@ class Linear(ByLabels):
             pairs = self._filters.get(key, lambda: self._pairs_of(label, body))
         else:
             clip = clip.resample(body.fps)
-            key = (key_of(clip), content)
+            key = (motion_hash(clip), content)
             pairs = [self.pairs.pair(clip, content)]
         alike = same_rest(pairs[0].styled.skeleton, body.skeleton)  # then it serves bodies of all sizes
         key = (*key, back, None if alike else rest_key(body.skeleton))

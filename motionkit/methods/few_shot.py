@@ -16,9 +16,10 @@ from torch import Tensor, nn
 from torch.func import functional_call
 
 from .. import checkpoints, sampling, text
-from ..actor import SEEN, UNSEEN, style_named
+from ..actor.style import HELD_OUT_STYLES, TRAIN_STYLES, get_style
 from ..contacts import foot_contacts
-from ..datasets import Clip, Dataset, Encoded
+from ..datasets import Clip, Dataset
+from ..datasets.batches import FeatureCache
 from ..datasets.loading import load as load_dataset
 from ..diffusion import add_noise
 from ..errors import MotionKitError, motion_inside
@@ -26,30 +27,39 @@ from ..features import FacingFree
 from ..layers import Denoiser, semantic_loss
 from ..metrics import foot_contact_accuracy
 from ..motion import Motion
-from ..sampling import CHANGE, NOISE, PAPER_SCHEDULE, STEPS, Chain, Predict, reconstruction_loss, total_loss
-from ..training import Run, Schedule, fit
+from ..sampling import (
+    PAPER_G,
+    PAPER_K,
+    PAPER_S,
+    PAPER_SCHEDULE,
+    Denoise,
+    PartialDiffusion,
+    reconstruction_loss,
+    total_loss,
+)
+from ..training import Run, TrainConfig, fit
 from . import text_to_motion
 from .base import (
-    Memory,
-    body_of,
-    check_clips,
-    check_share,
-    in_step,
-    key_of,
-    named,
-    on_body,
-    on_the_ground,
-    pace,
-    placed,
+    LRUCache,
+    align_start,
+    check_motions,
+    check_strength,
+    clamp_ratio,
+    clean_up_feet,
+    match_root_speed,
+    motion_hash,
+    result_name,
+    retarget_to,
     scale_path,
-    within,
+    speed_ratio,
+    without_helper_joints,
 )
 from .neutral_pairs import NEUTRAL, NeutralPairs
-from .style_code import Point, StyleSpace, found_for
+from .style_code import StyleCode, StyleCodeModel, load_for
 from .text_to_motion import Discriminator, Prior
 
 
-class Adapter(nn.Module):
+class LoRA(nn.Module):
     """A denoiser with changed weights, of which only the changes are trained: theta to theta_s (paper 1, section 3.4).
 
     Every matrix W becomes W + B A with A [rank, in] and B [out, rank] (low-rank adaptation, Hu et al. 2022), every
@@ -59,7 +69,7 @@ class Adapter(nn.Module):
 
     >>> from motionkit.layers import TransformerConfig
     >>> network = Denoiser(features=10, text_size=16, config=TransformerConfig.tiny())
-    >>> adapter = Adapter(network, rank=4)
+    >>> adapter = LoRA(network, rank=4)
     >>> x, t, text = torch.randn(2, 30, 10), torch.tensor([5, 900]), torch.zeros(2, 16)
     >>> bool(torch.allclose(adapter(x, t, text), network(x, t, text), atol=1e-5))
     True
@@ -118,7 +128,7 @@ def neutral_pair(
     style: Motion,
     prompt: str,
     *,
-    noise: int = NOISE,
+    noise: int = PAPER_G,
     steps: int | None = None,
     scale: float = GUIDANCE,
     seed: int = 0,
@@ -135,8 +145,8 @@ def neutral_pair(
     start = prior.schedule.step_like(noise, PAPER_SCHEDULE)
     chance = torch.Generator().manual_seed(seed)
     noised = add_noise(x, start, prior.schedule, torch.randn(x.shape, generator=chance))
-    keep = sampling.inpainting(x[0], sampling.named(prior.layout, *KEPT))
-    predict = sampling.windowed(prior.predict([text.to_neutral(prompt)], scale), prior.longest, round(prior.fps))
+    keep = sampling.inpainting(x[0], sampling.feature_mask(prior.layout, *KEPT))
+    predict = sampling.sliding_window(prior.predict([text.to_neutral(prompt)], scale), prior.longest, round(prior.fps))
     return sampling.ddpm(predict, noised, prior.schedule, steps, start, keep, generator=chance, **more)[0]
 
 
@@ -150,8 +160,8 @@ class LearnedStyle:
     """
 
     prior: Prior
-    adapter: Adapter | Point
-    chain: Chain
+    adapter: LoRA | StyleCode
+    chain: PartialDiffusion
     prompt: str
     style: str
     card: dict = field(default_factory=dict, repr=False)
@@ -167,7 +177,7 @@ class LearnedStyle:
         """The changed denoiser, epsilon_theta_s."""
         return self.adapter.frozen()
 
-    def predict(self, caption: str) -> Predict:
+    def predict(self, caption: str) -> Denoise:
         """The changed denoiser with a content's sentence told in this style, for any function of `sampling`."""
         told = text.to_style(caption, self.style) if self.adapter.hears_style else text.to_neutral(caption)
         words = self.prior.encoder.encode([told])
@@ -182,11 +192,11 @@ class LearnedStyle:
             raise MotionKitError("an autoencoder's style is not kept: it is an ablation, made anew where it is needed")
         tensors = {name: value.detach().half() for name, value in self.adapter.changes.items()}
         card = {"kind": "style", **self.card, "prompt": self.prompt, "style": self.style, "rank": self.adapter.rank}
-        card |= {} if isinstance(self.adapter, Adapter) else {"space": self.adapter.space[0].key}
+        card |= {} if isinstance(self.adapter, LoRA) else {"space": self.adapter.space[0].key}
         return checkpoints.save(path, tensors, card | {"stops": list(self.chain.stops), "prior": self.prior.key})
 
     @classmethod
-    def load(cls, path: str | os.PathLike, prior: Prior, space: StyleSpace | None = None) -> LearnedStyle:
+    def load(cls, path: str | os.PathLike, prior: Prior, space: StyleCodeModel | None = None) -> LearnedStyle:
         """From what `save` wrote, for the prior, and the space of styles if any, that it was learned with.
 
         Raises MotionKitError if the files are damaged, of another kind, or belong to another prior.
@@ -201,12 +211,14 @@ class LearnedStyle:
             raise MotionKitError(
                 f"{path}: this style is a point in another space of styles; learn it again from its clip"
             )
-        adapter = Point(space) if card.get("space") else Adapter(prior.network, card["rank"])
+        adapter = StyleCode(space) if card.get("space") else LoRA(prior.network, card["rank"])
         checkpoints.load_into(adapter.changes, {name: value.float() for name, value in tensors.items()}, path)
-        return cls(prior, adapter, Chain(prior.schedule, tuple(card["stops"])), card["prompt"], card["style"], card)
+        return cls(
+            prior, adapter, PartialDiffusion(prior.schedule, tuple(card["stops"])), card["prompt"], card["style"], card
+        )
 
 
-def prior_of(path: str | os.PathLike) -> str:
+def prior_name(path: str | os.PathLike) -> str:
     """The dataset whose prior a saved style belongs to; MotionKitError as `LearnedStyle.load`."""
     card = checkpoints.load(path, "style")[1]
     if not card.get("data"):
@@ -214,7 +226,7 @@ def prior_of(path: str | os.PathLike) -> str:
     return card["data"]
 
 
-def blended(styles: Mapping[LearnedStyle, float], caption: str, base: Predict) -> Predict:
+def blend(styles: Mapping[LearnedStyle, float], caption: str, base: Denoise) -> Denoise:
     """Predictions of several styles together, each with its weight, and the rest of 1 from the prior as it is.
 
     base: the prior with the content's own sentence. One style with a weight of 1 is that style, 0.5 half of it, 1.5 a
@@ -222,7 +234,7 @@ def blended(styles: Mapping[LearnedStyle, float], caption: str, base: Predict) -
     DiffusionBlending (Shafir et al. 2024), which paper 1, section 7, names for this. Raises MotionKitError where no
     style is given.
 
-    >>> blended({}, "a person walks", lambda x, t: x)
+    >>> blend({}, "a person walks", lambda x, t: x)
     Traceback (most recent call last):
     ...
     motionkit.errors.MotionKitError: nothing to blend: give at least one learned style
@@ -292,7 +304,8 @@ def _residual(width: int) -> nn.Sequential:
 
 
 class Direct:
-    """In place of a `Chain`: no noise, one call, so that eqs. 10 to 12 of paper 1 teach an autoencoder (table 3).
+    """In place of a `PartialDiffusion`: no noise, one call, so that eqs. 10 to 12 of paper 1 teach an autoencoder
+    (table 3).
 
     >>> Direct().reverse(lambda x, t: 2 * x, torch.ones(1, 4, 2)).shape
     torch.Size([1, 1, 4, 2])
@@ -315,7 +328,7 @@ def with_autoencoder(prior: Prior, library: Dataset, steps: int = _AE_STEPS, see
     It has the prior's features, sentences and card; it cannot make motions. running: as in `training.fit`. Raises
     MotionKitError where no clip of the library is as long as a window.
     """
-    encoded = Encoded(library, prior.layout)
+    encoded = FeatureCache(library, prior.layout)
     long = (encoded.lengths >= _AE_FRAMES).nonzero()[:, 0]
     if not len(long):
         raise MotionKitError(f"no clip of the library has {_AE_FRAMES} frames for the autoencoder to learn from")
@@ -327,7 +340,7 @@ def with_autoencoder(prior: Prior, library: Dataset, steps: int = _AE_STEPS, see
         return ((model(x) - x) ** 2).mean()
 
     running.setdefault("title", "an autoencoder")
-    fit(network, loss_of, Schedule(steps, _AE_RATE, seed=seed), **running)
+    fit(network, loss_of, TrainConfig(steps, _AE_RATE, seed=seed), **running)
     return replace(prior, network=network)
 
 
@@ -350,9 +363,9 @@ class Recipe:
     Raises MotionKitError for values out of range.
     """
 
-    noise: int = NOISE
-    change: int = CHANGE
-    chain: int = STEPS
+    noise: int = PAPER_G
+    change: int = PAPER_K
+    chain: int = PAPER_S
     weights: tuple[float, float] = (1.0, 0.1)
     steps: int = EPOCH
     batch: int = 8
@@ -418,7 +431,7 @@ ABLATIONS = {  # the rows of paper 1's table 3, each one call: mk.methods.load("
 
 
 @dataclass(frozen=True, eq=False)
-class Contents:
+class ContentBank:
     """Neutral motions with sentences, M^c and D^c of paper 1: what a style is to be carried to while it is learned.
 
     clean, noised: features [N, F, D] and their m_K by the chain. captions: N sentences.
@@ -434,10 +447,10 @@ class Contents:
         prior: Prior,
         motions: Sequence[Motion],
         captions: Sequence[str],
-        chain: Chain,
+        chain: PartialDiffusion,
         frames: int = 120,
         seed: int = 0,
-    ) -> Contents:
+    ) -> ContentBank:
         """A window of each motion, on the prior's skeleton; captions: a sentence for each.
 
         Raises MotionKitError where no motion is as long, or one has no caption.
@@ -462,7 +475,7 @@ class Contents:
 
 
 @dataclass(frozen=True, eq=False)
-class Lesson:
+class FinetuneTask:
     """What is there to learn from: a style example beside its neutral pair, and contents for the semantic loss.
 
     styled, neutral: features [F, D]. prompt: d^s. style: its words, see `captions.style_in`. contents: None where the
@@ -471,13 +484,13 @@ class Lesson:
 
     prior: Prior
     discriminator: Discriminator
-    chain: Chain
+    chain: PartialDiffusion
     styled: Tensor
     neutral: Tensor
     prompt: str
     style: str
-    contents: Contents | None = None
-    space: StyleSpace | None = None
+    contents: ContentBank | None = None
+    space: StyleCodeModel | None = None
 
     @cached_property
     def own_text(self) -> Tensor:
@@ -514,7 +527,7 @@ class Lesson:
         return semantic_loss(self.discriminator.network(restyled), words)
 
 
-def teach(lesson: Lesson, recipe: Recipe, seed: int = 0, **running) -> tuple[Adapter | Point, Run]:
+def finetune(lesson: FinetuneTask, recipe: Recipe, seed: int = 0, **running) -> tuple[LoRA | StyleCode, Run]:
     """Fine-tune the lesson's prior on it (paper 1, section 3.4, eq. 12); the prior itself stays as it is.
 
     A lesson with a space of styles finds a point in it, by the same losses, near what is read off the clip.
@@ -523,12 +536,12 @@ def teach(lesson: Lesson, recipe: Recipe, seed: int = 0, **running) -> tuple[Ada
     """
     in_space = lesson.space is not None
     if in_space:
-        adapter = Point(lesson.space, lesson.space.read(lesson.styled))
+        adapter = StyleCode(lesson.space, lesson.space.read(lesson.styled))
     else:
-        adapter = Adapter(lesson.prior.network.eval(), recipe.rank, seed)
+        adapter = LoRA(lesson.prior.network.eval(), recipe.rank, seed)
     lesson.discriminator.network.eval().requires_grad_(False)
     same = f"{recipe}, {lesson.prompt!r}, {len(lesson.styled)} frames"
-    schedule = Schedule(recipe.steps, recipe.rate, decay=0.0, seed=seed, recipe=same)
+    schedule = TrainConfig(recipe.steps, recipe.rate, decay=0.0, seed=seed, recipe=same)
 
     def loss_of(network: torch.nn.Module, step: int) -> Tensor:
         example = lesson.example_loss(network)
@@ -557,7 +570,7 @@ def as_styles(method, style: object) -> dict[LearnedStyle, float]:
         style = method.last
     elif isinstance(style, Motion):
         prompt = method.prompt_for(style)
-        style = method.learned.get(key_of(style), lambda: method.learn(style, prompt, title=""))
+        style = method.learned.get(motion_hash(style), lambda: method.learn(style, prompt, title=""))
     elif isinstance(style, str):
         style = named_style(method.space, style)
     if style is None:
@@ -569,7 +582,7 @@ def as_styles(method, style: object) -> dict[LearnedStyle, float]:
     if any(one.prior.key != method.taught.key for one in styles):
         raise MotionKitError("few-shot: this style was learned with another prior; learn it with this one")
     for one, weight in styles.items():
-        check_share(f"few-shot: the weight of style {one.style!r}", weight)
+        check_strength(f"few-shot: the weight of style {one.style!r}", weight)
     return styles
 
 
@@ -579,7 +592,7 @@ def check_made(recipe: object, space: object, seed: object) -> None:
         raise MotionKitError(
             f"few-shot: a recipe is mk.methods.few_shot.Recipe.laptop(), for instance; found {recipe!r:.80}"
         )
-    if space is not None and not isinstance(space, StyleSpace):
+    if space is not None and not isinstance(space, StyleCodeModel):
         raise MotionKitError(f"few-shot: space is a StyleSpace, or left out for the prior's own; found {space!r:.80}")
     if not isinstance(seed, int):
         raise MotionKitError(f"few-shot: a seed is a whole number; found {seed!r}")
@@ -604,7 +617,7 @@ def check_learning(method, clip: object, prompt: object, running: Mapping) -> No
             raise MotionKitError(f"few-shot: learn takes {', '.join(_RUNNING)} beside the clip, not {name!r}{hint}")
 
 
-def named_style(space: StyleSpace | None, words: str) -> LearnedStyle:
+def named_style(space: StyleCodeModel | None, words: str) -> LearnedStyle:
     """A style of the performer by its label, or by a sentence that speaks of it: its numbers are its place in a space.
 
     Raises MotionKitError for other styles, and where there is no space.
@@ -613,7 +626,7 @@ def named_style(space: StyleSpace | None, words: str) -> LearnedStyle:
     >>> named_style(load("actor"), "an old person walks")
     LearnedStyle('old', 37 numbers beside ...)
     """
-    known, label = (*SEEN, *UNSEEN), words.lower()
+    known, label = (*TRAIN_STYLES, *HELD_OUT_STYLES), words.lower()
     label = label if label in known else text.style_in(words) if " " in words else label
     if words.endswith((".safetensors", ".bvh")):
         how = "method.load_style" if words.endswith(".safetensors") else "mk.load"
@@ -626,7 +639,7 @@ def named_style(space: StyleSpace | None, words: str) -> LearnedStyle:
             f"few-shot: {words!r} is no style that it knows by name{there}.{hint} "
             "Any other is learned from a clip, style = method.learn(clip, 'an old person walks'), and given as it comes"
         )
-    return LearnedStyle(space.prior, Point(space, style_named(label)), space.chain, words, label)
+    return LearnedStyle(space.prior, StyleCode(space, get_style(label)), space.chain, words, label)
 
 
 _LEAST = 1.0  # seconds of a style clip
@@ -645,11 +658,11 @@ class FewShot:
     drawn. space: for `Recipe.in_space()`, one of your own.
 
     >>> import motionkit as mk
-    >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
+    >>> from motionkit.datasets import BvhSource, Item, Labels, from_items
     >>> walk, style = mk.load("data/actor/walk_neutral.bvh"), mk.load("data/actor/walk_old.bvh")
     >>> item = Item("walk", Labels("walk", "neutral", ("a person walks",)), BvhSource.at("data/actor/walk_neutral.bvh"))
     >>> quick = mk.methods.few_shot.Recipe(steps=2, batch=1, noise=500)
-    >>> method = mk.methods.load("few-shot", library=of_items("mine", [item]), recipe=quick)
+    >>> method = mk.methods.load("few-shot", library=from_items("mine", [item]), recipe=quick)
     >>> old = method.learn(style, "an old person walks", title="")
     >>> method.stylize(walk, style=old)
     Motion('walk_neutral as old', 120 frames at 30 fps, 4.0 s, 22 joints)
@@ -664,7 +677,7 @@ class FewShot:
         library: Dataset | None = None,
         recipe: Recipe | None = None,
         seed: int = 0,
-        space: StyleSpace | None = None,
+        space: StyleCodeModel | None = None,
     ) -> None:
         check_made(recipe, space, seed)
         self.prior = text_to_motion.load(prior) if isinstance(prior, str) else prior
@@ -672,25 +685,25 @@ class FewShot:
             raise MotionKitError("few-shot: with a prior of your own, give its discriminator too")
         judge = prior if discriminator is None else discriminator
         self.discriminator = text_to_motion.load_discriminator(judge) if isinstance(judge, str) else judge
-        self.space, self.seed = found_for(self.prior) if space is None else space, seed
+        self.space, self.seed = load_for(self.prior) if space is None else space, seed
         self.recipe = recipe or (Recipe.in_space() if self.space is not None else Recipe.laptop())
         self.fit(library)
 
     @property
-    def chain(self) -> Chain | Direct:
+    def chain(self) -> PartialDiffusion | Direct:
         """The steps that motions go forwards and back, as the recipe says."""
         if self.recipe.model == "autoencoder":
             return Direct()
         if self.recipe.model == "diffusion":
-            return Chain.like_paper(self.prior.schedule, self.recipe.change, self.recipe.chain)
+            return PartialDiffusion.like_paper(self.prior.schedule, self.recipe.change, self.recipe.chain)
         if self.space is None or self.space.prior.key != self.prior.key:
             raise MotionKitError("few-shot: there is no space of styles of this prior; give space=, or another recipe")
         return self.space.chain
 
     def fit(self, train: Dataset | None) -> FewShot:
         """Take neutral contents from this dataset from now on; its clips are read when a style is first learned."""
-        self._library, self._contents = train, Memory(1)
-        self.learned, self._pairs, self.last = Memory(16), Memory(), None
+        self._library, self._contents = train, LRUCache(1)
+        self.learned, self._pairs, self.last = LRUCache(16), LRUCache(), None
         for known in ("pairs", "taught"):
             self.__dict__.pop(known, None)
         return self
@@ -735,7 +748,7 @@ class FewShot:
         body, a prompt without words of a style, and words that are none of these.
         """
         check_learning(self, style, prompt, running)
-        check_clips(self.name, style, style)
+        check_motions(self.name, style, style)
         nameless = prompt is None
         if nameless:
             prompt = self.prompt_for(style)
@@ -745,16 +758,16 @@ class FewShot:
             )
         lesson = self.lesson(style, prompt, content)
         running.setdefault("title", f"learning {lesson.style!r}")
-        adapter, run = teach(lesson, self.recipe, self.seed, **running)
+        adapter, run = finetune(lesson, self.recipe, self.seed, **running)
         card = {"steps": self.recipe.steps, "seconds": round(run.seconds, 1), "seed": self.seed}
         card |= {"data": self.prior.card.get("data", ""), "licence": self.prior.card.get("licence", "")}
         words = style.name or NAMELESS if nameless else lesson.style
         self.last = LearnedStyle(self.taught, adapter, self.chain, prompt, words, card, lesson.neutral)
         return self.last
 
-    def lesson(self, style: Motion, prompt: str, content: str | None = None) -> Lesson:
+    def lesson(self, style: Motion, prompt: str, content: str | None = None) -> FinetuneTask:
         """What `learn` learns from: the style example's features, its neutral pair, and contents; see
-        `few_shot.Lesson`.
+        `few_shot.FinetuneTask`.
 
         A clip that is longer than the prior's longest motion is cut to its middle. Raises MotionKitError as `learn`.
         """
@@ -762,7 +775,7 @@ class FewShot:
         clip = self._middle(self.seen(style))
         neutral = self.neutral_of(clip, prompt, content)
         wanted = self.recipe.weights[1] > 0
-        return Lesson(
+        return FinetuneTask(
             self.taught,
             self.discriminator,
             chain,
@@ -798,19 +811,19 @@ class FewShot:
         """The content clip in a style that was learned (paper 1, section 3.5).
 
         content: F frames of any length and frame rate, of a human body. style: of `learn` or `load_style`, the last one
-        if left out; several with weights, see `few_shot.blended`; a clip, learned when it first comes; or in the kit's
+        if left out; several with weights, see `few_shot.blend`; a clip, learned when it first comes; or in the kit's
         space of styles a label or a sentence, such as "old", with nothing to learn. strength: 0 keeps the content, 1 is
         the style, more exaggerates. lock: hold standing feet still. caption: a sentence that says what the content
         does; left out, the discriminator picks one that the prior knows. content_style: the content's own style; unless
         it is neutral, or left out, the content is made neutral first. Returns F frames at the content's rate, on its
         skeleton. Raises MotionKitError where nothing was learned yet, and for arguments that are none of these.
         """
-        check_clips(self.name, content, content, strength)
+        check_motions(self.name, content, content, strength)
         styles = as_styles(self, style)
         what = style.name if isinstance(style, Motion) else " + ".join(one.style for one in styles)
         if strength == 0:
-            return content.replace(name=named(content, what))
-        given = body_of(content)
+            return content.replace(name=result_name(content, what))
+        given = without_helper_joints(content)
         seen = self.seen(given)
         caption = text.to_neutral(self.caption_of(seen) if caption is None else caption)
         x = self.prior.encode(seen)
@@ -818,8 +831,8 @@ class FewShot:
             x = self._neutral(seen, caption)
         body = self._restyled(x, caption, {one: strength * weight for one, weight in styles.items()}, seen, given)
         if lock:
-            body = on_the_ground(body, given)
-        return content.with_body(body).replace(name=named(content, what))
+            body = clean_up_feet(body, given)
+        return content.with_body(body).replace(name=result_name(content, what))
 
     def _restyled(
         self, x: Tensor, caption: str, styles: Mapping[LearnedStyle, float], seen: Motion, given: Motion
@@ -832,37 +845,37 @@ class FewShot:
         body, plain = (self._decoded(features, x, seen, given) for features in (y, same))
         total = sum(styles.values())
         if total <= 1:
-            return in_step(body, plain)
+            return match_root_speed(body, plain)
         once, _ = self.translated(x, caption, {one: weight / total for one, weight in styles.items()})
-        return scale_path(body, within(pace(self._decoded(once, x, seen, given), plain) ** total))
+        return scale_path(body, clamp_ratio(speed_ratio(self._decoded(once, x, seen, given), plain) ** total))
 
     @torch.no_grad()
     def translated(self, x: Tensor, caption: str, styles: Mapping[LearnedStyle, float]) -> tuple[Tensor, Tensor]:
         """Neutral features [F, D] to styled ones: K steps of noise forwards and back (paper 1, section 3.5).
 
-        The way forwards is the prior's own, with the content's caption; the way back that of the styles, see `blended`.
+        The way forwards is the prior's own, with the content's caption; the way back that of the styles, see `blend`.
         The second answer is what the prior itself makes on the way back: the content, as nearly as it can.
         """
         chain = next(iter(styles)).chain
         plain = self._windows(self.taught.predict([caption], 1.0))
         longer = torch.cat((x[:1].expand(_BEYOND, -1), x, x[-1:].expand(_BEYOND, -1)))
         noised = chain.forward(plain, longer[None])
-        there = self._windows(blended(styles, caption, plain))
+        there = self._windows(blend(styles, caption, plain))
         return tuple(chain.reverse(way, noised)[-1, 0, _BEYOND:-_BEYOND] for way in (there, plain))
 
     def neutral_motion(self, motion: Motion, caption: str, warp: bool = False, lock: bool = True) -> Motion:
         """The prior's neutral motion for one in some style (paper 1, sections 3.4 and 3.5, table 2).
 
         motion: F frames. caption: a sentence that says what it does. warp: let the speed over the ground go with the
-        movements, see `base.in_step`; else the path is the motion's own, as in paper 1, eq. 8. lock: hold standing
-        feet still. Returns F frames on the motion's skeleton.
+        movements, see `base.match_root_speed`; else the path is the motion's own, as in paper 1, eq. 8. lock: hold
+        standing feet still. Returns F frames on the motion's skeleton.
         """
-        given = body_of(motion)
+        given = without_helper_joints(motion)
         seen = self.seen(given)
         x = self._neutral(seen, caption)
         body = self._decoded(x, self.prior.encode(seen), seen, given)
-        body = in_step(body, given) if warp else body
-        body = on_the_ground(body, given) if lock else body
+        body = match_root_speed(body, given) if warp else body
+        body = clean_up_feet(body, given) if lock else body
         return motion.with_body(body).replace(name=f"{motion.name}, neutral")
 
     def caption_of(self, content: Motion) -> str:
@@ -880,34 +893,34 @@ class FewShot:
         if style.style in NEUTRAL:
             return self.neutral_motion(content.motion, content.text, warp=True)
         learned = self.learned.get(
-            key_of(style.motion), lambda: self.learn(style.motion, style.text, content=style.content, title="")
+            motion_hash(style.motion), lambda: self.learn(style.motion, style.text, content=style.content, title="")
         )
         return self.stylize(content.motion, learned, caption=content.text, content_style=content.style)
 
     def seen(self, motion: Motion) -> Motion:
         """A motion as the prior sees it: its skeleton and frame rate. MotionKitError where it cannot be."""
-        body, wanted = body_of(motion), self.prior.layout.skeleton
+        body, wanted = without_helper_joints(motion), self.prior.layout.skeleton
         if not body.skeleton.same_tree(wanted):
             still = Motion.from_root(wanted, torch.eye(4)[:1].expand(1, len(wanted), 4), torch.zeros(1, 3), body.fps)
-            body = on_body(body, still)
+            body = retarget_to(body, still)
         return body if abs(body.fps - self.prior.fps) < 1e-3 else body.resample(self.prior.fps, smooth=True)
 
     def _middle(self, motion: Motion) -> Motion:
         first = max(len(motion) - self.prior.longest, 0) // 2
         return motion[first : first + self.prior.longest]
 
-    def _windows(self, predict: sampling.Predict) -> sampling.Predict:
-        return sampling.windowed(predict, self.prior.longest, round(_OVERLAP * self.prior.fps))
+    def _windows(self, predict: sampling.Denoise) -> sampling.Denoise:
+        return sampling.sliding_window(predict, self.prior.longest, round(_OVERLAP * self.prior.fps))
 
-    def _neutral_contents(self) -> Contents:
-        def work_out() -> Contents:
+    def _neutral_contents(self) -> ContentBank:
+        def work_out() -> ContentBank:
             library = self.pairs.library
             clips = [clip for clip in library if clip.style in NEUTRAL]
             order = torch.randperm(len(clips), generator=torch.Generator().manual_seed(self.seed)).tolist()
             chosen = [clips[n] for n in order[:_MOST]]
             motions = [self.seen(clip.motion) for clip in chosen]
             frames = min(self.recipe.frames, self.prior.longest, max(map(len, motions)))
-            return Contents.of(self.taught, motions, [clip.text for clip in chosen], self.chain, frames, self.seed)
+            return ContentBank.of(self.taught, motions, [clip.text for clip in chosen], self.chain, frames, self.seed)
 
         return self._contents.get("contents", work_out)
 
@@ -916,7 +929,7 @@ class FewShot:
         if self.recipe.pair == "space":
             return self.space.neutral(self.prior.encode(motion), caption)
         how = {"noise": self.recipe.noise, "steps": self.recipe.pair_steps, "seed": self.seed}
-        return self._pairs.get((key_of(motion), caption), lambda: neutral_pair(self.prior, motion, caption, **how))
+        return self._pairs.get((motion_hash(motion), caption), lambda: neutral_pair(self.prior, motion, caption, **how))
 
     def _decoded(self, y: Tensor, x: Tensor, seen: Motion, given: Motion) -> Motion:
         """Features to a motion on the content's body, on the content's own path, in its frames."""
@@ -924,10 +937,10 @@ class FewShot:
         y[:, :3] = self.prior.normalizer.denormalize(x)[:, :3]
         body = FacingFree(seen.skeleton, self.prior.fps).decode(y)
         if body.skeleton is not given.skeleton:
-            body = on_body(body, given)
+            body = retarget_to(body, given)
         if len(body) != len(given):
             body = body.at(torch.arange(len(given), dtype=torch.float64) * (self.prior.fps / given.fps), smooth=True)
-        return placed(body.replace(fps=given.fps), given)
+        return align_start(body.replace(fps=given.fps), given)
 
 
 PAPER_NOISE = (700, 800, 900, 950, 1000)

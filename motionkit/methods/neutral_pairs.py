@@ -15,10 +15,19 @@ from torch import Tensor
 from .. import rotations as rot
 from ..datasets import Clip, Dataset
 from ..datasets.loading import load as load_dataset
-from ..dtw import EVEN, dtw, dtw_costs, movement, stall_of, warp
+from ..dtw import EVEN, dtw, dtw_costs, pose_velocity_features, step_penalty_for, warp
 from ..errors import MotionKitError
 from ..motion import Motion
-from .base import Memory, body_of, fitting, key_of, on_body, placed, rest_key, same_rest
+from .base import (
+    LRUCache,
+    align_start,
+    motion_hash,
+    rest_key,
+    retarget_if_needed,
+    retarget_to,
+    same_rest,
+    without_helper_joints,
+)
 
 NEUTRAL = ("neutral", "normal")  # what data sets call the style of their neutral clips
 _COARSE, _FINE = 4, 12  # many clips are first compared in every fourth frame; so many are then looked at closely
@@ -48,13 +57,13 @@ class Pair:
 
     @cached_property
     def difference(self) -> Tensor:
-        """What to add to the neutral motion to get the styled one, [F, 3J + 1]; see `difference`."""
-        return difference(self.styled, self.neutral)
+        """What to add to the neutral motion to get the styled one, [F, 3J + 1]; see `pose_difference`."""
+        return pose_difference(self.styled, self.neutral)
 
     @cached_property
     def looks(self) -> tuple[Tensor, Tensor]:
-        """`movement` of the styled and of the neutral motion, [F, 6J] each: by what frames are found."""
-        return movement(self.styled, centred=False), movement(self.neutral, centred=False)
+        """`pose_velocity_features` of the styled and of the neutral motion, [F, 6J] each: by what frames are found."""
+        return pose_velocity_features(self.styled, centred=False), pose_velocity_features(self.neutral, centred=False)
 
     def fits(self, motion: Motion) -> bool:
         """Whether poses of the pair mean what they mean for a motion's body."""
@@ -62,10 +71,14 @@ class Pair:
 
     def like(self, motion: Motion) -> Pair:
         """The pair on a body like that of a motion; itself if it fits. MotionKitError if it cannot be."""
-        return self if self.fits(motion) else Pair(fitting(self.styled, motion), fitting(self.neutral, motion))
+        return (
+            self
+            if self.fits(motion)
+            else Pair(retarget_if_needed(self.styled, motion), retarget_if_needed(self.neutral, motion))
+        )
 
 
-def difference(a: Motion, b: Motion) -> Tensor:
+def pose_difference(a: Motion, b: Motion) -> Tensor:
     """What to add to the poses of `b` to get those of `a`, frame by frame: [F, 3J + 1].
 
     Rotation vectors in radians, each seen from the joint's parent, the pelvis' from where the body faces; and how much
@@ -73,21 +86,21 @@ def difference(a: Motion, b: Motion) -> Tensor:
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> difference(walk, walk).abs().max() < 1e-3
+    >>> pose_difference(walk, walk).abs().max() < 1e-3
     tensor(True)
     """
     (_, turned, high), (_, rest, low) = _posture(a), _posture(b)
-    turns = rot.log_map(rot.positive(rot.quaternion_multiply(turned, rot.quaternion_inverse(rest))))
+    turns = rot.log_map(rot.quaternion_canonical(rot.quaternion_multiply(turned, rot.quaternion_inverse(rest))))
     return torch.cat((turns.flatten(1), (high - low)[:, None]), 1)
 
 
-def add_difference(motion: Motion, change: Tensor) -> Motion:
-    """A motion with `difference`s [F, 3J + 1] added to its poses; it goes and faces where it did.
+def add_pose_difference(motion: Motion, change: Tensor) -> Motion:
+    """A motion with `pose_difference`s [F, 3J + 1] added to its poses; it goes and faces where it did.
 
     >>> import motionkit as mk
     >>> walk, old = (mk.load(f"data/actor/walk_{s}.bvh")[:100] for s in ("neutral", "old"))
-    >>> bent = add_difference(walk, difference(old, walk))
-    >>> bool(difference(bent, old).abs().mean() < 0.02)
+    >>> bent = add_pose_difference(walk, pose_difference(old, walk))
+    >>> bool(pose_difference(bent, old).abs().mean() < 0.02)
     True
     """
     yaw, turned, _ = _posture(motion)
@@ -95,7 +108,7 @@ def add_difference(motion: Motion, change: Tensor) -> Motion:
     rotations[:, 0] = rot.quaternion_multiply(rot.yaw_to_quaternion(yaw), rotations[:, 0])
     translations = motion.translations.clone()
     translations[:, 0, 1] += change[:, -1] * motion.skeleton.height
-    return motion.replace(rotations=rot.unroll(rotations), translations=translations)
+    return motion.replace(rotations=rot.quaternion_unroll(rotations), translations=translations)
 
 
 def _posture(motion: Motion) -> tuple[Tensor, Tensor, Tensor]:
@@ -113,17 +126,17 @@ class NeutralPairs:
     remembered, so that each clip is searched for once. Raises MotionKitError if the library is no dataset or has no
     neutral clips.
 
-    >>> from motionkit.datasets import BvhSource, Item, Labels, of_items
+    >>> from motionkit.datasets import BvhSource, Item, Labels, from_items
     >>> walk = Item("walk", Labels("walk", "neutral", ()), BvhSource.at("data/actor/walk_neutral.bvh"))
     >>> import motionkit as mk
     >>> old = mk.load("data/actor/walk_old.bvh")
-    >>> NeutralPairs(of_items("mine", [walk])).neutral_of(old)
+    >>> NeutralPairs(from_items("mine", [walk])).neutral_of(old)
     Motion('walk, for walk_old', 161 frames at 30 fps, 5.4 s, 22 joints)
     """
 
     def __init__(self, library: Dataset | None = None, smooth: bool = False) -> None:
         self._library, self._smooth = library, smooth
-        self._clips, self._movements, self._pairs = Memory(4096), Memory(4096), Memory()
+        self._clips, self._movements, self._pairs = LRUCache(4096), LRUCache(4096), LRUCache()
         if library is not None:
             self._check(library)
 
@@ -158,7 +171,7 @@ class NeutralPairs:
 
     def clip(self, number: int) -> Motion:
         """A stored clip without helper joints."""
-        return self._clips.get(number, lambda: body_of(self.library.store.recording(number).motion))
+        return self._clips.get(number, lambda: without_helper_joints(self.library.store.recording(number).motion))
 
     def pair(self, motion: Motion, content: str | None = None, like: Motion | None = None) -> Pair:
         """The nearest neutral clip of the same content, or the nearest segment of it, in the time of a motion.
@@ -167,29 +180,31 @@ class NeutralPairs:
         another kind, the motion is retargeted to be compared and paired; like: a motion on whose kind of body the pair
         is then wanted. Raises MotionKitError where that cannot be.
         """
-        key = key_of(motion), content
-        found = self._pairs.get(key, lambda: self._found(body_of(motion), content))
+        key = motion_hash(motion), content
+        found = self._pairs.get(key, lambda: self._found(without_helper_joints(motion), content))
         if like is None or found.fits(like):
             return found
         return self._pairs.get((*key, rest_key(like.skeleton)), lambda: found.like(like))
 
     def neutral_of(self, motion: Motion, content: str | None = None) -> Motion:
         """The neutral clip of `pair` on the motion's own skeleton: as many frames, starting where the motion starts."""
-        found, body = self.pair(motion, content).neutral, body_of(motion)
-        return motion.with_body(placed(on_body(found, body), body)).replace(name=f"{found.name}, for {motion.name}")
+        found, body = self.pair(motion, content).neutral, without_helper_joints(motion)
+        return motion.with_body(align_start(retarget_to(found, body), body)).replace(
+            name=f"{found.name}, for {motion.name}"
+        )
 
     def _found(self, motion: Motion, content: str | None) -> Pair:
         numbers = self.numbers(content)
         alike = [n for n in numbers if self.clip(n).skeleton.same_tree(motion.skeleton)]
         numbers = alike or [n for n in numbers if self.clip(n).skeleton.same_tree(self.clip(numbers[0]).skeleton)]
         try:
-            seen = fitting(motion, self.clip(numbers[0]))
+            seen = retarget_if_needed(motion, self.clip(numbers[0]))
         except MotionKitError as error:
             raise MotionKitError(
                 f"{motion.name!r} cannot be compared with the clips of library {self.library.name!r} ({error}); give a "
                 "library of such bodies, as mk.methods.load('knn-dtw', library=dataset)"
             ) from None
-        number, frames = self._nearest(movement(seen), numbers, motion.fps)
+        number, frames = self._nearest(pose_velocity_features(seen), numbers, motion.fps)
         return Pair(seen, self._at_rate(number, motion.fps).at(frames, smooth=self._smooth))
 
     def _at_rate(self, number: int, fps: float) -> Motion:
@@ -209,8 +224,8 @@ class NeutralPairs:
         """What the best path through a segment of each clip costs, [N], and what a stall was taken to cost."""
         theirs = [self._movement(n, fps)[::step] for n in numbers]
         costs = torch.cdist(wanted, torch.nn.utils.rnn.pad_sequence(theirs, batch_first=True))
-        stall = stall_of(costs[0, :, : len(theirs[0])])
+        stall = step_penalty_for(costs[0, :, : len(theirs[0])])
         return dtw_costs(costs, torch.tensor([len(t) for t in theirs]), stall=stall, segment=True), stall
 
     def _movement(self, number: int, fps: float) -> Tensor:
-        return self._movements.get((number, fps), lambda: movement(self._at_rate(number, fps)))
+        return self._movements.get((number, fps), lambda: pose_velocity_features(self._at_rate(number, fps)))

@@ -17,16 +17,16 @@ from torch import Tensor, nn
 from tqdm.auto import tqdm
 
 from .. import checkpoints, text
-from ..actor import CONTENTS, SEEN, VERSION, Style, parameters, perform, retell
-from ..actor.style import style_named
+from ..actor import CONTENTS, VERSION, Style, parameters, perform, retell
+from ..actor.style import TRAIN_STYLES, get_style
 from ..datasets import Dataset
 from ..datasets.performed import FPS, PERFORMERS
 from ..errors import MotionKitError
 from ..features import Normalizer
-from ..features.facing_free import OfBody, encoded
+from ..features.facing_free import OfBody, encode_normalized
 from ..layers import Denoiser, SemanticEncoder, TransformerConfig
-from ..sampling import Chain, reconstruction_loss
-from ..training import Schedule, device_of, fit, in_main, place_for
+from ..sampling import PartialDiffusion, reconstruction_loss
+from ..training import TrainConfig, default_path, device_of, fit, main_process_first
 from . import text_to_motion
 from .text_to_motion import Prior
 
@@ -35,19 +35,19 @@ _FIRST_SEED = 500_000  # of performances; data sets have others
 _ROOM = 15  # frames that a performance is longer
 
 
-def invented(chance: random.Random) -> Style:
+def random_style(chance: random.Random) -> Style:
     """A style drawn by chance: most of its numbers near neutral, as far as the eight styles of `actor` go, some far.
 
     Of the styles held back nothing is known here. Two in three numbers are normal with half the largest distance from
     neutral that any style of `actor` has, one in three lies anywhere within its range, near neutral more often.
 
-    >>> a, b = (invented(random.Random(seed)) for seed in (0, 1))
+    >>> a, b = (random_style(random.Random(seed)) for seed in (0, 1))
     >>> a.lean != b.lean
     True
     """
     numbers = {}
     for key, about in parameters().items():
-        reach = max(abs(getattr(style_named(style), key) - about.neutral) for style in SEEN)
+        reach = max(abs(getattr(get_style(style), key) - about.neutral) for style in TRAIN_STYLES)
         if chance.random() < 2 / 3:
             value = about.neutral + 0.5 * reach * chance.gauss(0, 1) * (chance.random() < 0.7)
         else:
@@ -68,7 +68,7 @@ def code_of(style: Style) -> Tensor:
 
 
 @dataclass(frozen=True, eq=False)
-class Lessons:
+class StylePairs:
     """Performances told neutrally and in invented styles, frame by frame at the same beat.
 
     neutral, styled: features [N, F, D], half precision. codes: [N, C], see `code_of`. captions: N neutral sentences.
@@ -80,7 +80,7 @@ class Lessons:
     captions: tuple[str, ...]
 
 
-def lessons(prior: Prior, count: int, each: int = 3, seed: int = 0, jobs: int | None = None) -> Lessons:
+def style_pairs(prior: Prior, count: int, each: int = 3, seed: int = 0, jobs: int | None = None) -> StylePairs:
     """`count` performances by people of `actor`'s training part, each in `each` invented styles, in a prior's features.
 
     All contents come equally often. Half of the lessons are in the time of the neutral motion, as a content is, half in
@@ -90,7 +90,7 @@ def lessons(prior: Prior, count: int, each: int = 3, seed: int = 0, jobs: int | 
     found = Parallel(n_jobs=jobs or -1, batch_size=16, return_as="generator")(work)
     rows = list(tqdm(found, "performing", count))
     neutral, styled, codes = (torch.cat([row[n] for row in rows]) for n in range(3))
-    return Lessons(neutral, styled, codes, tuple(row[3] for row in rows for _ in range(each)))
+    return StylePairs(neutral, styled, codes, tuple(row[3] for row in rows for _ in range(each)))
 
 
 def _lesson(layout: OfBody, normalizer: Normalizer, number: int, each: int, seed: int) -> tuple:
@@ -99,7 +99,7 @@ def _lesson(layout: OfBody, normalizer: Normalizer, number: int, each: int, seed
     content, who = CONTENTS[number % len(CONTENTS)], chance.choice(PERFORMERS["train"])
     take = _FIRST_SEED * (1 + seed) + number
     played = perform(content, "neutral", take, seconds=(FRAMES + _ROOM) / FPS, fps=FPS, performer=who)
-    styles, pairs = [invented(chance) for _ in range(each)], []
+    styles, pairs = [random_style(chance) for _ in range(each)], []
     for style in styles:
         told = retell(played, style)
         if chance.random() < 0.5 and len(told) >= FRAMES:
@@ -108,7 +108,9 @@ def _lesson(layout: OfBody, normalizer: Normalizer, number: int, each: int, seed
             pairs.append((played.motion, told.along(played)))
     starts = [chance.randrange(min(len(pair[0]) - FRAMES + 1, _ROOM)) for pair in pairs]
     neutral, styled = (
-        torch.stack([encoded(pair[n][k : k + FRAMES], layout, normalizer).half() for pair, k in zip(pairs, starts)])
+        torch.stack(
+            [encode_normalized(pair[n][k : k + FRAMES], layout, normalizer).half() for pair, k in zip(pairs, starts)]
+        )
         for n in range(2)
     )
     return neutral, styled, torch.stack([code_of(style) for style in styles]), played.captions[0]
@@ -149,17 +151,17 @@ class CodedDenoiser(nn.Module):
         return self.denoiser(x, t, text, mask, self.straight(code) + self.bent(code))
 
 
-class Reading(NamedTuple):
+class GaussianCode(NamedTuple):
     """What a reader guesses of codes: the mean of all that are possible, and how far they lie around it, [..., C]."""
 
     code: Tensor
     spread: Tensor
 
     @classmethod
-    def of(cls, numbers: Tensor) -> Reading:
+    def of(cls, numbers: Tensor) -> GaussianCode:
         """From what the network says, [..., 2 C].
 
-        >>> code, spread = Reading.of(torch.zeros(5, 2 * CODES))
+        >>> code, spread = GaussianCode.of(torch.zeros(5, 2 * CODES))
         >>> code.shape == spread.shape == (5, CODES) and bool((spread > 0).all())
         True
         """
@@ -168,7 +170,7 @@ class Reading(NamedTuple):
 
 
 @dataclass(eq=False)
-class StyleSpace:
+class StyleCodeModel:
     """What `python -m motionkit train space` makes, beyond paper 1; `mk.methods.load("few-shot")` finds styles in it.
 
     prior: what takes motions forwards. network: what takes them back. chain: the steps that it was taught on. reader:
@@ -177,7 +179,7 @@ class StyleSpace:
 
     prior: Prior
     network: CodedDenoiser
-    chain: Chain
+    chain: PartialDiffusion
     reader: SemanticEncoder | None = None
     card: dict = field(default_factory=dict, repr=False)
 
@@ -208,12 +210,12 @@ class StyleSpace:
         return self.chain.reverse(lambda y, t: self.network(y, t, words, code), noised)[-1, 0]
 
     @torch.no_grad()
-    def read(self, x: Tensor) -> Reading | None:
+    def read(self, x: Tensor) -> GaussianCode | None:
         """What the reader guesses of the code of a styled motion's features [F, D]; None without a reader."""
         if self.reader is None:
             return None
         first = max(len(x) - self.reader.config.frames, 0) // 2
-        return Reading.of(self.reader(x[None, first : first + self.reader.config.frames])[0])
+        return GaussianCode.of(self.reader(x[None, first : first + self.reader.config.frames])[0])
 
     def save_reader(self, path: str | os.PathLike, card: dict) -> Path:
         """The reader's weights and card, see `checkpoints.save`; 16 bits."""
@@ -221,12 +223,12 @@ class StyleSpace:
         card = {"kind": "reader", **card, "config": asdict(self.reader.config), "prior": self.prior.key}
         return checkpoints.save(path, tensors, card)
 
-    def load_reader(self, path: str | os.PathLike) -> StyleSpace:
+    def load_reader(self, path: str | os.PathLike) -> StyleCodeModel:
         """The space with the reader that `save_reader` wrote; MotionKitError where it is for another prior."""
         tensors, card = checkpoints.load(path, "reader")
         if card.get("prior") != self.prior.key:
             raise MotionKitError(f"{path}: this reader sees motions as another prior does; train one for this")
-        reader = fresh_reader(self.prior, checkpoints.config_of(path, card, TransformerConfig)).eval()
+        reader = new_style_encoder(self.prior, checkpoints.load_config(path, card, TransformerConfig)).eval()
         checkpoints.load_into(reader, {name: value.float() for name, value in tensors.items()}, path)
         self.reader = reader.requires_grad_(False)
         return self
@@ -238,33 +240,35 @@ class StyleSpace:
         return checkpoints.save(path, tensors, card | {"codes": list(parameters()), "stops": list(self.chain.stops)})
 
     @classmethod
-    def load(cls, path: str | os.PathLike, prior: Prior) -> StyleSpace:
+    def load(cls, path: str | os.PathLike, prior: Prior) -> StyleCodeModel:
         """From what `save` wrote, for the prior that it was made from; MotionKitError where they do not fit."""
         tensors, card = checkpoints.load(path, "space")
         if card.get("prior") != prior.key or card.get("codes") != list(parameters()):
             raise MotionKitError(f"{path}: made from another prior, or by another performer; get both files again")
-        config = checkpoints.config_of(path, card, TransformerConfig)
+        config = checkpoints.load_config(path, card, TransformerConfig)
         size, words = prior.layout.size, prior.encoder.size
         network = CodedDenoiser(Denoiser(size, words, config, prior.schedule.steps)).eval()
         checkpoints.load_into(network, {name: value.float() for name, value in tensors.items()}, path)
-        return cls(prior, network.requires_grad_(False), Chain(prior.schedule, tuple(card["stops"])), card=card)
+        return cls(
+            prior, network.requires_grad_(False), PartialDiffusion(prior.schedule, tuple(card["stops"])), card=card
+        )
 
 
-def fresh_reader(prior: Prior, config: TransformerConfig | None = None) -> SemanticEncoder:
-    """A network that has learned nothing yet: paper 1's discriminator, `Reading`s in place of sentences' vectors."""
+def new_style_encoder(prior: Prior, config: TransformerConfig | None = None) -> SemanticEncoder:
+    """A network: paper 1's discriminator, `GaussianCode`s in place of sentences' vectors."""
     config = config or prior.network.config
     return SemanticEncoder(prior.layout.size, 2 * CODES, config, prior.network.embedding)
 
 
 @lru_cache(maxsize=2)
-def load(name: str = "actor") -> StyleSpace:
+def load(name: str = "actor") -> StyleCodeModel:
     """The shipped space of styles of a dataset; MotionKitError if there is none."""
-    return found_for(text_to_motion.load(name)) or StyleSpace.load(
+    return load_for(text_to_motion.load(name)) or StyleCodeModel.load(
         checkpoints.find(f"{name}-space"), text_to_motion.load(name)
     )
 
 
-def found_for(prior: Prior) -> StyleSpace | None:
+def load_for(prior: Prior) -> StyleCodeModel | None:
     """The shipped space that was made from this very prior, with its reader if there is one; or None."""
     data, there = prior.card.get("data"), checkpoints.names()
     if f"{data}-space" not in there:
@@ -272,11 +276,11 @@ def found_for(prior: Prior) -> StyleSpace | None:
     path = checkpoints.find(f"{data}-space")
     if checkpoints.load(path, "space")[1].get("prior") != prior.key:
         return None
-    space = StyleSpace.load(path, prior)
+    space = StyleCodeModel.load(path, prior)
     return space.load_reader(checkpoints.find(f"{data}-reader")) if f"{data}-reader" in there else space
 
 
-class Point(nn.Module):
+class StyleCode(nn.Module):
     """A style as a point of a space: the network as it is, told one code, which alone is learned.
 
     It has an `Adapter`'s interface, so `teach` finds the point as it trains an adapter; but the sentences that it hears
@@ -286,10 +290,10 @@ class Point(nn.Module):
 
     rank, hears_style = 0, False
 
-    def __init__(self, space: StyleSpace, start: Style | Reading | None = None) -> None:
+    def __init__(self, space: StyleCodeModel, start: Style | GaussianCode | None = None) -> None:
         super().__init__()
         self.space = (space,)  # in a tuple, so that it is no part of this module's state
-        self.read = start if isinstance(start, Reading) else None
+        self.read = start if isinstance(start, GaussianCode) else None
         code = torch.zeros(CODES) if start is None else code_of(start) if self.read is None else self.read.code
         self.start = code.clone()
         self.changes = nn.ParameterDict({"code": code.clone()})
@@ -335,7 +339,7 @@ _SHORTEST = 96
 
 
 @torch.no_grad()
-def noised(prior: Prior, chain: Chain, x: Tensor, words: Tensor) -> Tensor:
+def noised(prior: Prior, chain: PartialDiffusion, x: Tensor, words: Tensor) -> Tensor:
     """m_K of features [N, F, D] with their sentences' vectors [N, E], in half precision."""
     found = [
         chain.forward(lambda y, t, own=words[part]: prior.network(y, t, own), x[part].float()).half()
@@ -344,17 +348,20 @@ def noised(prior: Prior, chain: Chain, x: Tensor, words: Tensor) -> Tensor:
     return torch.cat(found)
 
 
-def train_space(
-    prior: Prior, known: Lessons, schedule: Schedule | None = None, start: StyleSpace | None = None, **running
-) -> StyleSpace:
+def train_decoder(
+    prior: Prior, known: StylePairs, schedule: TrainConfig | None = None, start: StyleCodeModel | None = None, **running
+) -> StyleCodeModel:
     """Teach the chain of a prior on lessons in invented styles (paper 1, eqs. 9 and 10), starting from its weights.
 
     A quarter of each batch goes from a styled motion to the neutral one, told so by a number of its own; the rest from
     neutral to a style by its code. start: a space of this prior to go on from. running: as in `training.fit`.
     """
-    schedule = schedule or Schedule(STEPS, RATE, average=0.995)
+    schedule = schedule or TrainConfig(STEPS, RATE, average=0.995)
     prior.network.eval()
-    chain, words = Chain.like_paper(prior.schedule), prior.encoder.encode([text.to_neutral(c) for c in known.captions])
+    chain, words = (
+        PartialDiffusion.like_paper(prior.schedule),
+        prior.encoder.encode([text.to_neutral(c) for c in known.captions]),
+    )
     plain, changed = (noised(prior, chain, x, words) for x in (known.neutral, known.styled))
     torch.manual_seed(schedule.seed)
     network = CodedDenoiser(copy.deepcopy(prior.network)) if start is None else copy.deepcopy(start.network)
@@ -373,7 +380,7 @@ def train_space(
         return reconstruction_loss(chain.reverse(lambda x, t: model(x, t, told, code), given), wanted)
 
     run = fit(network, loss_of, schedule, **running)
-    space = StyleSpace(prior, network.requires_grad_(False), chain)
+    space = StyleCodeModel(prior, network.requires_grad_(False), chain)
     space.card = {"seed": schedule.seed, "steps": schedule.steps, "seconds": round(run.seconds)}
     space.card |= {"steps_per_second": round(run.steps_per_second, 2), "hardware": checkpoints.hardware()}
     space.card |= {"parameters": sum(p.numel() for p in network.parameters()), "lessons": len(known.styled)}
@@ -383,22 +390,22 @@ def train_space(
     return space
 
 
-def train_reader(space: StyleSpace, known: Lessons, schedule: Schedule | None = None, **running) -> dict:
+def train_encoder(space: StyleCodeModel, known: StylePairs, schedule: TrainConfig | None = None, **running) -> dict:
     """Teach a network to read the code off a styled motion; the space has it afterwards. Returns its card.
 
-    It learns to guess the mean of all that are possible, and how sure that is (`doubted`). running: as in
+    It learns to guess the mean of all that are possible, and how sure that is (`beta_nll`). running: as in
     `training.fit`.
     """
-    schedule = schedule or Schedule(READER_STEPS, READER_RATE, decay=1e-2, average=0.995)
+    schedule = schedule or TrainConfig(READER_STEPS, READER_RATE, decay=1e-2, average=0.995)
     torch.manual_seed(schedule.seed)
-    reader = fresh_reader(space.prior)
+    reader = new_style_encoder(space.prior)
 
     def loss_of(model: nn.Module, step: int) -> Tensor:
         chosen, here = torch.randint(len(known.styled), (READER_BATCH,)), device_of(model)
         length = int(torch.randint(_SHORTEST // 4, FRAMES // 4 + 1, ())) * 4
         start = int(torch.randint(FRAMES - length + 1, ()))
         x = known.styled[chosen, start : start + length].float().to(here)
-        return doubted(Reading.of(model(x)), known.codes[chosen].to(here))
+        return beta_nll(GaussianCode.of(model(x)), known.codes[chosen].to(here))
 
     run = fit(reader, loss_of, schedule, **running)
     space.reader = reader.requires_grad_(False)
@@ -407,28 +414,28 @@ def train_reader(space: StyleSpace, known: Lessons, schedule: Schedule | None = 
     return card | {"parameters": sum(p.numel() for p in reader.parameters()), "lessons": len(known.styled)}
 
 
-def doubted(found: Reading, codes: Tensor) -> Tensor:
+def beta_nll(found: GaussianCode, codes: Tensor) -> Tensor:
     """The loss of readings of codes, both [..., C]: a Gaussian's minus log, where the unsure ones count as others do.
 
     Each number is weighted by the spread guessed for it, through which no gradient goes (the beta-NLL of Seitzer et
     al., 2022), or a network lets go of what it cannot read at once.
 
     >>> far, right = torch.ones(1, 3), torch.zeros(1, 3)
-    >>> bool(doubted(Reading(far, right + 0.1), right) > doubted(Reading(far, far), right))
+    >>> bool(beta_nll(GaussianCode(far, right + 0.1), right) > beta_nll(GaussianCode(far, far), right))
     True
     """
     each = nn.functional.gaussian_nll_loss(found.code, codes, found.spread**2, reduction="none")
     return (each * found.spread.detach()).mean()
 
 
-def misread(space: StyleSpace, known: Lessons) -> dict[str, float]:
+def encoder_error(space: StyleCodeModel, known: StylePairs) -> dict[str, float]:
     """Mean square errors of codes read off lessons that were not learned from; `guessed`: of neutral for all.
 
     `expected`: what the reader itself thinks that its errors are.
     """
     with torch.no_grad():
         said = torch.cat([space.reader(known.styled[part].float()) for part in batches_of(len(known.styled), 64)])
-    found = Reading.of(said)
+    found = GaussianCode.of(said)
     errors = {"read": (found.code - known.codes).square().mean(), "guessed": known.codes.square().mean()}
     errors["expected"] = found.spread.square().mean()
     return {name: round(float(value), 4) for name, value in errors.items()}
@@ -436,19 +443,19 @@ def misread(space: StyleSpace, known: Lessons) -> dict[str, float]:
 
 def train_reader_part(data: Dataset, steps: int | None, seed: int, command: str) -> Path:
     """Train the reader of a dataset's space and write it where `load` finds it; returns the weights' path."""
-    path, space = place_for(data.name, "reader"), load(data.name)
-    schedule = Schedule(steps or READER_STEPS, READER_RATE, decay=1e-2, seed=seed, average=0.995)
+    path, space = default_path(data.name, "reader"), load(data.name)
+    schedule = TrainConfig(steps or READER_STEPS, READER_RATE, decay=1e-2, seed=seed, average=0.995)
     count = COUNT if steps is None or steps >= READER_STEPS else 24
-    known, fresh = lessons(space.prior, count, seed=seed), lessons(space.prior, 60, seed=seed + 1)
-    card = train_reader(space, known, schedule, keep=path.with_suffix(".run"), title=path.stem)
+    known, fresh = style_pairs(space.prior, count, seed=seed), style_pairs(space.prior, 60, seed=seed + 1)
+    card = train_encoder(space, known, schedule, keep=path.with_suffix(".run"), title=path.stem)
     card = {"name": path.stem, "command": command, "data": data.name, **card, "licence": "MIT"}
-    card |= {"data_sha256": str(VERSION) + space.prior.key[:4], "metrics": misread(space, fresh)}
-    in_main(lambda: space.save_reader(path, card))
+    card |= {"data_sha256": str(VERSION) + space.prior.key[:4], "metrics": encoder_error(space, fresh)}
+    main_process_first(lambda: space.save_reader(path, card))
     return path
 
 
 @torch.no_grad()
-def misses(space: StyleSpace, known: Lessons) -> dict[str, float]:
+def decoder_error(space: StyleCodeModel, known: StylePairs) -> dict[str, float]:
     """Mean square errors of the chain's last prediction on lessons that were not learned from, both ways.
 
     `styled`: from neutral to the style that the code says; `neutral`: from the style to neutral; `copied`: what there
@@ -478,17 +485,17 @@ def train_part(data: Dataset, steps: int | None, seed: int, command: str, start:
     """
     if data.name != "actor":
         raise MotionKitError(f"a space of styles is learned from the performer, data 'actor'; found {data.name!r}")
-    path, prior = place_for(data.name, "space"), text_to_motion.load(data.name)
-    schedule = Schedule(steps or STEPS, RATE, seed=seed, average=0.995)
+    path, prior = default_path(data.name, "space"), text_to_motion.load(data.name)
+    schedule = TrainConfig(steps or STEPS, RATE, seed=seed, average=0.995)
     count = COUNT if steps is None or steps >= STEPS else max(24, COUNT * steps // STEPS)
     first, running = None, {"keep": path.with_suffix(".run"), "title": path.stem}
     if start:
-        first = StyleSpace.load(checkpoints.find(start), prior)
-    made = train_space(prior, lessons(prior, count, seed=seed), schedule, first, **running)
+        first = StyleCodeModel.load(checkpoints.find(start), prior)
+    made = train_decoder(prior, style_pairs(prior, count, seed=seed), schedule, first, **running)
     made.card = {"name": path.stem, "command": command, "data": data.name, **made.card, "licence": "MIT"}
     made.card |= {
         "data_sha256": str(VERSION) + prior.key[:4],
-        "metrics": misses(made, lessons(prior, 60, seed=seed + 1)),
+        "metrics": decoder_error(made, style_pairs(prior, 60, seed=seed + 1)),
     }
-    in_main(lambda: made.save(path))
+    main_process_first(lambda: made.save(path))
     return path

@@ -23,17 +23,26 @@ from ..features.style_erd import SETTLE, TENTH
 from ..kinematics import forward_kinematics
 from ..motion import Motion, facing_of
 from ..skeleton import Skeleton
-from ..training import Run, Schedule, card_of, fit, in_main, place_for
-from .base import body_of, check_clips, check_share, named, on_body, on_the_ground
+from ..training import Run, TrainConfig, default_path, fit, main_process_first, training_card
+from .base import check_motions, check_strength, clean_up_feet, result_name, retarget_to, without_helper_joints
 from .neutral_pairs import NEUTRAL, NeutralPairs
-from .style_erd_stream import FRAMES, ErdStream, FastErd, Guesses, Labeller, QuickBody, hits, train_labels
+from .style_erd_stream import (
+    FRAMES,
+    ErdStream,
+    FrameClassifier,
+    LabelTracker,
+    NumpyKinematics,
+    NumpyStep,
+    label_accuracy,
+    train_frame_classifier,
+)
 
 
 @dataclass(frozen=True)
 class ErdConfig:
     """Sizes. encoder, decoder: of the hidden layers; latent: of z and of every LSTM; neutral, style: LSTMs in a branch.
 
-    skip: whether what comes in goes around the network, too (beyond the paper, see `put_back`).
+    skip: whether what comes in goes around the network, too (beyond the paper, see `input_residual`).
 
     `paper()` is paper 2, supplement A: an encoder of (64, 32), 6 LSTM layers for the neutral branch and 4 for each
     style, a decoder of (58, 86, 128, 184), ReLU between. The paper does not say how the last of these becomes
@@ -77,12 +86,12 @@ class ErdState:
     styles: tuple[Tensor, Tensor]
 
 
-class Branches(nn.Module):
+class LSTMBank(nn.Module):
     """N stacks of LSTM layers side by side, each with weights and a learned beginning of its own.
 
     beginnings: how many each stack has to choose from, such as one for each content.
 
-    >>> stacks = Branches(count=3, layers=2, size=4, beginnings=1)
+    >>> stacks = LSTMBank(count=3, layers=2, size=4, beginnings=1)
     >>> z = torch.randn(2, 5, 4)
     >>> out, state = stacks(z, stacks.begin(torch.zeros(2, dtype=torch.long)))
     >>> out.shape, state[0].shape
@@ -145,8 +154,8 @@ class StyleErd(nn.Module):
         self.config = config = config or ErdConfig.paper()
         self.joints, self.contents, self.styles = joints, contents, styles
         self.encoder = _mlp(10 * joints + styles + contents, config.encoder, config.latent, last=True)
-        self.neutral = Branches(1, config.neutral, config.latent, contents)
-        self.residual = Branches(styles - 1, config.style, config.latent, 1)
+        self.neutral = LSTMBank(1, config.neutral, config.latent, contents)
+        self.residual = LSTMBank(styles - 1, config.style, config.latent, 1)
         self.decoder = _mlp(config.latent + styles, config.decoder, 7 * joints)
         for branch in (self.neutral, self.residual):
             take, _, _, give = branch.bias.detach().chunk(4, -1)
@@ -178,7 +187,7 @@ class StyleErd(nn.Module):
         heard, state = self.listen(x, content, style, state)
         said = self.say(heard, wanted)
         if self.config.skip:
-            said = put_back(x, said, self.say(heard, self.weights_of(style).to(wanted)))
+            said = input_residual(x, said, self.say(heard, self.weights_of(style).to(wanted)))
         return said, state
 
     def encode(self, x: Tensor, content: Tensor, style: Tensor) -> Tensor:
@@ -235,7 +244,7 @@ class StyleErd(nn.Module):
         return self.decoder(torch.cat((mixed, wanted), 2))
 
 
-def put_back(x: Tensor, told: Tensor, rebuilt: Tensor) -> Tensor:
+def input_residual(x: Tensor, told: Tensor, rebuilt: Tensor) -> Tensor:
     """What a network loses of frames when it rebuilds them, put back into what it told: a skip connection.
 
     x: frames [..., 10J]; told, rebuilt: answers [..., 7J] in the style wanted and in the frames' own. Each joint gets
@@ -243,13 +252,13 @@ def put_back(x: Tensor, told: Tensor, rebuilt: Tensor) -> Tensor:
     is the frames' own, they come back as they were. Beyond paper 2, where all must go through 32 numbers.
 
     >>> x, told = torch.nn.functional.normalize(torch.ones(2, 10), dim=0), torch.ones(2, 7)
-    >>> bool(torch.allclose(put_back(x, told, told)[:, 4:], x[:, 7:], atol=1e-6))
+    >>> bool(torch.allclose(input_residual(x, told, told)[:, 4:], x[:, 7:], atol=1e-6))
     True
     """
     joints = x.shape[-1] // 10
     came, other, own = (part[..., : 4 * joints].unflatten(-1, (joints, 4)) for part in (x, told, rebuilt))
     lost = rot.quaternion_multiply(rot.quaternion_inverse(own), came)
-    found = rot.quaternion_multiply(other, rot.positive(lost))
+    found = rot.quaternion_multiply(other, rot.quaternion_canonical(lost))
     speeds = told[..., 4 * joints :] + x[..., 7 * joints :] - rebuilt[..., 4 * joints :]
     return torch.cat((found.flatten(-2), speeds), -1)
 
@@ -282,13 +291,13 @@ def _told(style: Tensor, content: Tensor, styles: int, contents: int) -> Tensor:
     return torch.cat((one_hot(style, styles), one_hot(content, contents)), 1).float()
 
 
-class FtAttCritic(nn.Module):
+class FTAttDiscriminator(nn.Module):
     """The FT-Att discriminator of paper 2 (section 3.1, figure 3): what it sees counts by style and content.
 
     joints: J; it sees positions and velocities, 6J numbers a frame. contents, styles: how many labels. frames: of a
     window.
 
-    >>> critic = FtAttCritic(joints=5, contents=3, styles=4)
+    >>> critic = FTAttDiscriminator(joints=5, contents=3, styles=4)
     >>> critic(torch.randn(2, 24, 30), torch.tensor([0, 3]), torch.tensor([2, 0])).shape
     torch.Size([2])
     """
@@ -312,22 +321,22 @@ class FtAttCritic(nn.Module):
         seen = x.mT
         for part in self.convolutions:
             seen = part(seen)
-        return attended(seen, *self.weights(style, content))
+        return attention_score(seen, *self.weights(style, content))
 
 
-def attended(features: Tensor, over_features: Tensor, over_time: Tensor) -> Tensor:
+def attention_score(features: Tensor, over_features: Tensor, over_time: Tensor) -> Tensor:
     """The sum of features [B, C', T'] weighed by the outer product of [B, C'] and [B, T'] (paper 2, eq. 1), [B].
 
-    >>> attended(torch.ones(1, 2, 3), torch.tensor([[1.0, 2.0]]), torch.tensor([[1.0, 0.0, 1.0]]))
+    >>> attention_score(torch.ones(1, 2, 3), torch.tensor([[1.0, 2.0]]), torch.tensor([[1.0, 0.0, 1.0]]))
     tensor([6.])
     """
     return (features * (over_features[:, :, None] * over_time[:, None])).sum((1, 2))
 
 
-class MultiClassCritic(nn.Module):
+class MultiClassDiscriminator(nn.Module):
     """A discriminator with one head for each style (paper 2, section 5: the ablation without attention).
 
-    >>> MultiClassCritic(5, 3, 4)(torch.randn(2, 24, 30), torch.tensor([0, 3]), torch.tensor([2, 0])).shape
+    >>> MultiClassDiscriminator(5, 3, 4)(torch.randn(2, 24, 30), torch.tensor([0, 3]), torch.tensor([2, 0])).shape
     torch.Size([2])
     """
 
@@ -337,17 +346,17 @@ class MultiClassCritic(nn.Module):
         self.heads = nn.Conv1d(WIDTHS[-1], styles, -(-frames // 4))
 
     def forward(self, x: Tensor, style: Tensor, content: Tensor) -> Tensor:
-        """As `FtAttCritic.forward`; the content is not looked at."""
+        """As `FTAttDiscriminator.forward`; the content is not looked at."""
         seen = x.mT
         for part in self.convolutions:
             seen = part(seen)
         return self.heads(seen).mean(2).gather(1, style[:, None])[:, 0]
 
 
-class ContentNet(nn.Module):
+class ContentClassifier(nn.Module):
     """Paper 2's content supervision (section 3.1): a classifier whose layers forget style by instance normalisation.
 
-    >>> net = ContentNet(joints=5, contents=3)
+    >>> net = ContentClassifier(joints=5, contents=3)
     >>> scores, features = net(torch.randn(2, 24, 50))
     >>> scores.shape, [one.shape for one in features]
     (torch.Size([2, 3]), [torch.Size([2, 64, 12]), torch.Size([2, 64, 6])])
@@ -385,7 +394,7 @@ def quaternion_loss(a: Tensor, b: Tensor) -> Tensor:
     return (torch.atan2(across, w.abs()) ** 2).sum(-1)
 
 
-def rebuilding_loss(
+def reconstruction_loss(
     rotations: tuple[Tensor, Tensor], positions: tuple[Tensor, Tensor], velocities: tuple[Tensor, Tensor]
 ) -> Tensor:
     """How far rebuilt frames are from those that came in (paper 2, eq. 3), [B, F].
@@ -394,7 +403,7 @@ def rebuilding_loss(
 
     >>> still = (rot.identity_quaternion(1, 2, 5), rot.identity_quaternion(1, 2, 5))
     >>> there, here = torch.zeros(1, 2, 5, 3), torch.ones(1, 2, 5, 3)
-    >>> rebuilding_loss(still, (there, here), (there, there))
+    >>> reconstruction_loss(still, (there, here), (there, there))
     tensor([[7.5000, 7.5000]])
     """
     turned = quaternion_loss(*rotations)
@@ -411,10 +420,10 @@ def adversarial_loss(fake: Tensor) -> Tensor:
     return (fake**2).mean()
 
 
-def critic_loss(real: Tensor, fake: Tensor) -> Tensor:
+def discriminator_loss(real: Tensor, fake: Tensor) -> Tensor:
     """What the critic wants: 1 of real motions, -1 of made ones, both [B] (paper 2, eq. 5).
 
-    >>> critic_loss(torch.tensor([1.0]), torch.tensor([0.0]))
+    >>> discriminator_loss(torch.tensor([1.0]), torch.tensor([0.0]))
     tensor(1.)
     """
     return ((real - 1) ** 2).mean() + ((fake + 1) ** 2).mean()
@@ -444,19 +453,19 @@ def perceptual_loss(before: Sequence[Tensor], after: Sequence[Tensor]) -> Tensor
     return sum(((a - b) ** 2).mean() for a, b in zip(before, after, strict=True))
 
 
-def generator_total(rebuilt: Tensor, adversarial: Tensor, perceptual: Tensor) -> Tensor:
+def generator_objective(rebuilt: Tensor, adversarial: Tensor, perceptual: Tensor) -> Tensor:
     """The generator's loss (paper 2, eq. 8): rebuilding of all frames [B, F], and what both supervisors say.
 
-    >>> generator_total(torch.ones(2, 24), torch.tensor(0.5), torch.tensor(2.0))
+    >>> generator_objective(torch.ones(2, 24), torch.tensor(0.5), torch.tensor(2.0))
     tensor(24.7000)
     """
     return rebuilt.sum(1).mean() + ADVERSARIAL * adversarial + PERCEPTUAL * perceptual
 
 
-def critic_total(critic: Tensor, penalty: Tensor) -> Tensor:
+def discriminator_objective(critic: Tensor, penalty: Tensor) -> Tensor:
     """The critic's loss (paper 2, eq. 9).
 
-    >>> critic_total(torch.tensor(2.0), torch.tensor(0.5))
+    >>> discriminator_objective(torch.tensor(2.0), torch.tensor(0.5))
     tensor(66.)
     """
     return critic + PENALTY * penalty
@@ -501,7 +510,7 @@ def frames_of(motion: Motion) -> Frames:
     >>> frames_of(mk.load("data/actor/walk_neutral.bvh")).x.shape
     torch.Size([120, 220])
     """
-    body = body_of(motion)
+    body = without_helper_joints(motion)
     if not len(body):
         raise MotionKitError(f"motion {motion.name!r} has no frames")
     places, world = body.positions(), body.rotations
@@ -515,10 +524,10 @@ def frames_of(motion: Motion) -> Frames:
     return Frames(turned, local, speed, yaw, ground[:, [0, 2]])
 
 
-def begun(x: Tensor, joints: int) -> Tensor:
+def zero_first_velocity(x: Tensor, joints: int) -> Tensor:
     """Windows of frames [N, F, 10J] as a stream sees them at its start: of the first one no velocity is known.
 
-    >>> begun(torch.ones(1, 2, 10), joints=1)[0, :, -4:]
+    >>> zero_first_velocity(torch.ones(1, 2, 10), joints=1)[0, :, -4:]
     tensor([[1., 0., 0., 0.],
             [1., 1., 1., 1.]])
     """
@@ -564,10 +573,10 @@ def motion_from(content: Motion, frames: Frames, rotations: Tensor, velocities: 
     added up (paper 2, section 3.1, leaves the path open). Its height is, too, and drawn to where the lower foot is as
     high as the content's: that height alone would jump a little whenever the other foot becomes the lower one.
     """
-    body = body_of(content)
+    body = without_helper_joints(content)
     skeleton, offsets = body.skeleton, body.translations
     low = lowest_foot(skeleton, frames.positions)
-    height = settled(placed_positions(skeleton, offsets, rotations, low)[:, 0, 1], velocities[:, 0, 1], body.fps)
+    height = filter_height(placed_positions(skeleton, offsets, rotations, low)[:, 0, 1], velocities[:, 0, 1], body.fps)
     facing = rot.yaw_to_quaternion(frames.yaw)
     step = velocities[:, 0] * velocities.new_tensor([1.0, 0.0, 1.0]) * (TENTH / body.fps)
     step[0] = 0
@@ -578,10 +587,10 @@ def motion_from(content: Motion, frames: Frames, rotations: Tensor, velocities: 
     return content.with_body(body.replace(rotations=turned, translations=translations))
 
 
-def settled(heights: Tensor, speeds: Tensor, fps: float) -> Tensor:
+def filter_height(heights: Tensor, speeds: Tensor, fps: float) -> Tensor:
     """The root's heights [F] from those by the lower foot [F] and its vertical velocities [F], metres a tenth second.
 
-    >>> settled(torch.tensor([1.0, 2.0, 2.0]), torch.zeros(3), 60.0)
+    >>> filter_height(torch.tensor([1.0, 2.0, 2.0]), torch.zeros(3), 60.0)
     tensor([1.0000, 1.3000, 1.5100])
     """
     found = [heights[0]]
@@ -594,14 +603,14 @@ OVERLAP = 4  # frames of two windows (paper 2, section 4.1)
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class Windows:
     """Windows of a labelled dataset, of WINDOW frames each if nothing else is asked for.
 
-    x: [N, F, 10J], each as the beginning of a stream, see `style_erd.begun`. going: [N, 3J], the velocities of the
-    first frame, where it is none. earlier: long [N], how many windows of the same clip come before it. offsets: [N, J,
-    3] of each body; content, style: long [N], the neutral style 0. twin: long [N], the window that does the same in
-    step, in a style or in none; -1: there is none. recorded: how many, the first, are of clips as they are; the others
-    are of neutral clips warped to the time of styled ones.
+    x: [N, F, 10J], each as the beginning of a stream, see `style_erd.zero_first_velocity`. going: [N, 3J], the
+    velocities of the first frame, where it is none. earlier: long [N], how many windows of the same clip come before
+    it. offsets: [N, J, 3] of each body; content, style: long [N], the neutral style 0. twin: long [N], the window that
+    does the same in step, in a style or in none; -1: there is none. recorded: how many, the first, are of clips as they
+    are; the others are of neutral clips warped to the time of styled ones.
     """
 
     x: Tensor
@@ -616,7 +625,7 @@ class Pieces:
     recorded: int
 
     @classmethod
-    def of(cls, data: Dataset, fps: float, frames: int = WINDOW, registered: bool = False) -> Pieces:
+    def of(cls, data: Dataset, fps: float, frames: int = WINDOW, registered: bool = False) -> Windows:
         """All windows of all clips; MotionKitError where no style is neutral, or no clip is long enough.
 
         registered: and windows of the neutral clip that comes nearest to each styled one, in its time.
@@ -630,7 +639,7 @@ class Pieces:
         pairs = _Partners(data) if registered else None
         for clip in data:
             labels = data.contents.index(clip.content), styles.index(clip.style)
-            found = _windows(body_of(clip.motion), fps, frames, *labels)
+            found = _windows(without_helper_joints(clip.motion), fps, frames, *labels)
             partner = pairs.of(clip) if pairs and labels[1] else None
             if partner is not None:
                 twins = _windows(partner, fps, frames, labels[0], 0)
@@ -647,7 +656,7 @@ class Pieces:
         earlier, content, style = map(torch.tensor, (earlier, content, style))
         going = x[torch.arange(len(x)), (earlier == 0).long(), -3 * joints :]  # a clip's first frame knows none
         known = tuple(data.contents), styles, twin, recorded
-        return cls(begun(x, joints), going, earlier, torch.stack(offsets), content, style, *known)
+        return cls(zero_first_velocity(x, joints), going, earlier, torch.stack(offsets), content, style, *known)
 
     def amid(self, rows: Tensor) -> Tensor:
         """Windows [..., F, 10J] as they are in the middle of a stream, by their numbers, long [...]."""
@@ -659,7 +668,7 @@ class Pieces:
         """The frames before windows, long [B], from the beginning of the `back`-th window before: [B, R, 10J]."""
         rows = chosen[:, None] - torch.arange(back, 0, -1)
         x = self.amid(rows)[:, :, :-OVERLAP].flatten(1, 2)
-        return begun(x, x.shape[2] // 10)
+        return zero_first_velocity(x, x.shape[2] // 10)
 
     def members(self) -> dict[tuple[int, int], Tensor]:
         """The recorded windows of every content and style."""
@@ -678,7 +687,7 @@ class _Partners:
 
     def of(self, clip: Clip) -> Motion | None:
         """The neutral motion; None where nobody does this neutrally."""
-        body = body_of(clip.motion)
+        body = without_helper_joints(clip.motion)
         return self.pairs.pair(body, clip.content, like=body).neutral if clip.content in self.able else None
 
 
@@ -690,7 +699,7 @@ def _windows(motion: Motion, fps: float, frames: int, content: int, style: int) 
 
 
 @dataclass(frozen=True)
-class ErdRecipe:
+class Config:
     """How it is trained (paper 2, section 3.2 and supplement A).
 
     steps, batch, rate: of the generator; slower: the critic's rate over it. adversarial, perceptual, attention,
@@ -701,7 +710,7 @@ class ErdRecipe:
     window begins anew). opened: added to the biases of the gates that take and give before training, so that more
     gets through deep stacks from the first step on. steady: how much it counts that rebuilt positions move from frame
     to frame as those that came in do, or they tremble (beyond the paper). registered: how much it counts that a window
-    with a twin (see `Pieces`) is told as that one; the paper needs pairs, but none in step. `paper()` is as published,
+    with a twin (see `Windows`) is told as that one; the paper needs pairs, but none in step. `paper()` is as published,
     `laptop()` has the same parts and sizes.
     """
 
@@ -722,18 +731,18 @@ class ErdRecipe:
     registered: float = 0.0
 
     @classmethod
-    def paper(cls, windows: int) -> ErdRecipe:
+    def paper(cls, windows: int) -> Config:
         """Paper 2, supplement A: 2,000 epochs, batch 16, rates 0.0001 and 0.00005; windows: how many there are."""
         return cls(steps=2000 * -(-windows // 16))
 
     @classmethod
-    def laptop(cls) -> ErdRecipe:
+    def laptop(cls) -> Config:
         """Larger batches and rates, fewer steps; run-ups, open gates, steadiness, twins, what is lost is put back."""
         beyond = {"run_up": 9, "opened": 1.5, "steady": 8.0, "registered": 1.0, "config": ErdConfig(skip=True)}
         return cls(steps=16000, batch=64, rate=3e-3, **beyond)
 
 
-_FULL = replace(ErdRecipe.laptop(), registered=0.0, config=ErdConfig())
+_FULL = replace(Config.laptop(), registered=0.0, config=ErdConfig())
 ABLATIONS = {  # the rows of paper 2's table 1, each one call, and two of which the paper knows nothing
     "ours": _FULL,
     "L_gen = L_rec": replace(_FULL, adversarial=False, perceptual=False),
@@ -741,8 +750,8 @@ ABLATIONS = {  # the rows of paper 2's table 1, each one call, and two of which 
     "L_gen = L_rec + L_per": replace(_FULL, adversarial=False),
     "without attention": replace(_FULL, attention=False),
     "without learned beginnings": replace(_FULL, beginnings=False),
-    "ours + twins": replace(_FULL, registered=ErdRecipe.laptop().registered),
-    "ours + twins + skip": ErdRecipe.laptop(),
+    "ours + twins": replace(_FULL, registered=Config.laptop().registered),
+    "ours + twins + skip": Config.laptop(),
 }
 
 
@@ -765,13 +774,13 @@ class Pair(nn.Module):
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class StyleErdLoss:
     """All that a step of training needs: windows, the skeleton that they are on, the content network, the recipe."""
 
-    pieces: Pieces
+    pieces: Windows
     skeleton: Skeleton
-    contents: ContentNet
-    recipe: ErdRecipe
+    contents: ContentClassifier
+    recipe: Config
 
     def draw(self, back: int = 0) -> tuple[Tensor, Tensor]:
         """Windows by chance, long [B], and the style that each is to be told in, long [B] (paper 2, section 3.2).
@@ -790,7 +799,7 @@ class Course:
 
     @cached_property
     def members(self) -> dict[tuple[int, int], Tensor]:
-        """See `Pieces.members`."""
+        """See `Windows.members`."""
         return self.pieces.members()
 
     @cached_property
@@ -839,23 +848,23 @@ class Course:
         after = torch.cat((told[0].flatten(2), fake), 2)
         if recipe.cycle:
             again = self._answers(net, after, net.hear(after, content, target, needed)[0], target, style)[1]
-            returned = rebuilding_loss((came[0], again[0]), (came[1], place(again[0])), (came[2], again[1]))
+            returned = reconstruction_loss((came[0], again[0]), (came[1], place(again[0])), (came[2], again[1]))
             rebuilding = rebuilding + recipe.cycle * returned
         nothing = x.new_zeros(())
         adversarial = adversarial_loss(pair.judged(fake, target, content)) if recipe.adversarial else nothing
         kept = perceptual_loss(self.contents(x)[1], self.contents(after)[1]) if recipe.perceptual else nothing
-        total = generator_total(rebuilding, adversarial, kept)
+        total = generator_objective(rebuilding, adversarial, kept)
         return total + self._critics(pair, fake.detach(), target, content, back > 0) if recipe.adversarial else total
 
     @staticmethod
     def _answers(net: StyleErd, x: Tensor, heard: Tensor, own: Tensor, other: Tensor) -> list[tuple]:
         """What is said of frames x in their own style, and, with what that loses put back, in another."""
         rebuilt, told = (net.say(heard, net.weights_of(style)) for style in (own, other))
-        return [split(rebuilt), split(put_back(x, told, rebuilt) if net.config.skip else told)]
+        return [split(rebuilt), split(input_residual(x, told, rebuilt) if net.config.skip else told)]
 
     def _missed(self, aim: tuple, made: tuple) -> Tensor:
         """Eq. 3 of rotations, positions, velocities, and how unlike the positions move from frame to frame: [B, F]."""
-        missed = rebuilding_loss(*zip(aim, made))
+        missed = reconstruction_loss(*zip(aim, made))
         if not self.recipe.steady:
             return missed
         off = made[1] - aim[1]
@@ -875,8 +884,8 @@ class Course:
         real, theirs = self.real(content, style, amid)
         real = real.clone().requires_grad_()
         answers = pair.critic(real, style, theirs)
-        critic = critic_loss(answers, pair.critic(fake, style, content))
-        return critic_total(critic, gradient_penalty(answers, real))
+        critic = discriminator_loss(answers, pair.critic(fake, style, content))
+        return discriminator_objective(critic, gradient_penalty(answers, real))
 
 
 def _parts(x: Tensor, joints: int) -> tuple[Tensor, Tensor, Tensor]:
@@ -885,39 +894,41 @@ def _parts(x: Tensor, joints: int) -> tuple[Tensor, Tensor, Tensor]:
     return turns.unflatten(-1, (joints, 4)), places.unflatten(-1, (joints, 3)), speeds.unflatten(-1, (joints, 3))
 
 
-def train_contents(pieces: Pieces, joints: int, steps: int = 600, seed: int = 0, **running) -> ContentNet:
+def train_content_classifier(
+    pieces: Windows, joints: int, steps: int = 600, seed: int = 0, **running
+) -> ContentClassifier:
     """Paper 2's content network (section 3.1), a classifier of windows; frozen afterwards."""
     torch.manual_seed(seed)
-    net = ContentNet(joints, len(pieces.contents))
+    net = ContentClassifier(joints, len(pieces.contents))
 
     def loss_of(model: nn.Module, step: int) -> Tensor:
         chosen = torch.randint(len(pieces.x), (64,))
         return nn.functional.cross_entropy(model(pieces.x[chosen])[0], pieces.content[chosen])
 
     running.setdefault("title", "contents")
-    fit(net, loss_of, Schedule(steps, 1e-3, seed=seed), **running)
+    fit(net, loss_of, TrainConfig(steps, 1e-3, seed=seed), **running)
     return net.requires_grad_(False)
 
 
 def train_erd(
-    data: Dataset, recipe: ErdRecipe | None = None, seed: int = 0, contents: ContentNet | None = None, **running
-) -> tuple[StyleErd, Run, Pieces]:
+    data: Dataset, recipe: Config | None = None, seed: int = 0, contents: ContentClassifier | None = None, **running
+) -> tuple[StyleErd, Run, Windows]:
     """Train Style-ERD on all clips of a labelled dataset (paper 2, section 3.2): the generator, its run, its windows.
 
     contents: a content network that is there already. running: as in `training.fit`. Raises MotionKitError where no
     style is neutral.
     """
-    recipe = recipe or ErdRecipe.laptop()
-    pieces = Pieces.of(data, recipe.fps, registered=recipe.registered > 0)
-    skeleton = body_of(data[0].motion).skeleton
+    recipe = recipe or Config.laptop()
+    pieces = Windows.of(data, recipe.fps, registered=recipe.registered > 0)
+    skeleton = without_helper_joints(data[0].motion).skeleton
     joints, counts = len(skeleton), (len(pieces.contents), len(pieces.styles))
-    contents = contents if contents is not None else train_contents(pieces, joints, seed=seed)
+    contents = contents if contents is not None else train_content_classifier(pieces, joints, seed=seed)
     torch.manual_seed(seed)
-    critic = (FtAttCritic if recipe.attention else MultiClassCritic)(joints, *counts)
+    critic = (FTAttDiscriminator if recipe.attention else MultiClassDiscriminator)(joints, *counts)
     pair = Pair(StyleErd(joints, *counts, recipe.config, recipe.beginnings, recipe.opened), critic, recipe.slower)
-    course = Course(pieces, skeleton, contents.eval(), recipe)
+    course = StyleErdLoss(pieces, skeleton, contents.eval(), recipe)
     same = f"{recipe}, {len(pieces.x)} windows of {pieces.contents} in {pieces.styles}"
-    schedule = Schedule(recipe.steps, recipe.rate, decay=0.0, clip=1e6, seed=seed, average=0.995, recipe=same)
+    schedule = TrainConfig(recipe.steps, recipe.rate, decay=0.0, clip=1e6, seed=seed, average=0.995, recipe=same)
     run = fit(pair, lambda model, step: course.loss(model), schedule, **running)
     return pair.generator.eval(), run, pieces
 
@@ -937,21 +948,21 @@ class ErdModel:
     styles: tuple[str, ...]
     skeleton: Skeleton
     fps: float
-    labeller: Labeller | None = None
+    labeller: FrameClassifier | None = None
     card: dict = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         return f"ErdModel({len(self.contents)} contents, {len(self.styles)} styles, {self.fps:g} fps)"
 
     @cached_property
-    def fast(self) -> FastErd:
+    def fast(self) -> NumpyStep:
         """The network's quick step."""
-        return FastErd(self.network)
+        return NumpyStep(self.network)
 
     @cached_property
-    def body(self) -> QuickBody:
+    def body(self) -> NumpyKinematics:
         """The skeleton's quick kinematics."""
-        return QuickBody(self.skeleton)
+        return NumpyKinematics(self.skeleton)
 
     def number(self, what: str, label: str) -> int:
         """Of a `content` or a `style`, neutral by any name; MotionKitError names the nearest."""
@@ -974,9 +985,9 @@ class ErdModel:
             hint = "a name, or a mix such as {'old': 0.5, 'proud': 0.5}"
             raise MotionKitError(f"style-erd takes a style by {hint}; found {style!r:.80}")
         mix, found = {style: 1.0} if isinstance(style, str) else dict(style), np.zeros(len(self.styles), np.float32)
-        check_share("style-erd: strength", strength)
+        check_strength("style-erd: strength", strength)
         for name, share in mix.items():
-            check_share(f"style-erd: the share of style {name!r}", share)
+            check_strength(f"style-erd: the share of style {name!r}", share)
             found[self.number("style", name)] += share * strength
         found[0] = 1 - found[1:].sum()
         return found
@@ -995,7 +1006,7 @@ class ErdModel:
     def load(cls, path: str | os.PathLike) -> ErdModel:
         """From what `save` wrote; MotionKitError if the files are damaged, of another kind or of other sizes."""
         tensors, card = checkpoints.load(path, "style-erd")
-        config = checkpoints.config_of(path, card, ErdConfig)
+        config = checkpoints.load_config(path, card, ErdConfig)
         config = replace(config, encoder=tuple(config.encoder), decoder=tuple(config.decoder))
         skeleton = checkpoints.skeleton_of(card["skeleton"])
         contents, styles = tuple(card["contents"]), tuple(card["styles"])
@@ -1004,7 +1015,7 @@ class ErdModel:
         network = StyleErd(*sizes, config).eval()
         checkpoints.load_into(network, tensors, path)
         if labels:
-            labeller = Labeller(*sizes).eval()
+            labeller = FrameClassifier(*sizes).eval()
             checkpoints.load_into(labeller, labels, path)
             labeller.requires_grad_(False)
         return cls(network.requires_grad_(False), contents, styles, skeleton, card["fps"], labeller, card)
@@ -1014,32 +1025,34 @@ _LABEL_STEPS = 1500
 
 
 def train_model(
-    data: Dataset, recipe: ErdRecipe | None = None, seed: int = 0, label_steps: int = _LABEL_STEPS, **running
+    data: Dataset, recipe: Config | None = None, seed: int = 0, label_steps: int = _LABEL_STEPS, **running
 ) -> ErdModel:
     """A Style-ERD of a labelled dataset, with what guesses its labels; see `style_erd.train_erd` for the arguments.
 
     label_steps: 0 for no such guesses. The card says how it was made.
     """
-    recipe, skeleton = recipe or ErdRecipe.laptop(), body_of(data[0].motion).skeleton
+    recipe, skeleton = recipe or Config.laptop(), without_helper_joints(data[0].motion).skeleton
     network, run, pieces = train_erd(data, recipe, seed, **running)
     model = ErdModel(network.requires_grad_(False), pieces.contents, pieces.styles, skeleton, recipe.fps)
     if label_steps:
         quiet = {"title": running.get("title", "") and "labels"}
-        model.labeller = train_labels(Pieces.of(data, recipe.fps, FRAMES), len(skeleton), label_steps, seed, **quiet)
-    model.card = card_of(data, Schedule(recipe.steps, recipe.rate, seed=seed), run, network)
+        model.labeller = train_frame_classifier(
+            Windows.of(data, recipe.fps, FRAMES), len(skeleton), label_steps, seed, **quiet
+        )
+    model.card = training_card(data, TrainConfig(recipe.steps, recipe.rate, seed=seed), run, network)
     model.card |= {"batch": recipe.batch, "last_loss": round(sum(run.losses[-200:]) / len(run.losses[-200:]), 3)}
     return model
 
 
 @torch.no_grad()
-def measured(model: ErdModel, data: Dataset) -> dict[str, float]:
+def evaluate_model(model: ErdModel, data: Dataset) -> dict[str, float]:
     """How far a model is right on clips that it has not learned from.
 
     `rebuilt_mm`: how far joints are from those of the input, from the pelvis, where the style that it has is asked for
     and nothing is put back, mean over windows of `style_erd_stream.FRAMES` frames. The others are
-    `style_erd_stream.hits`.
+    `style_erd_stream.label_accuracy`.
     """
-    pieces, joints = Pieces.of(data, model.fps, FRAMES), len(model.skeleton)
+    pieces, joints = Windows.of(data, model.fps, FRAMES), len(model.skeleton)
     network = model.network
     said = network.say(network.listen(pieces.x, pieces.content, pieces.style)[0], network.weights_of(pieces.style))
     places = []
@@ -1047,7 +1060,7 @@ def measured(model: ErdModel, data: Dataset) -> dict[str, float]:
         standing = placed_positions(model.skeleton, pieces.offsets[:, None], turns, torch.zeros(turns.shape[:2]))
         places.append(standing - standing[..., :1, :])
     found = {"rebuilt_mm": round(1000 * float((places[0] - places[1]).norm(dim=-1).mean()), 1)}
-    return found | (hits(model.labeller, pieces) if model.labeller is not None else {})
+    return found | (label_accuracy(model.labeller, pieces) if model.labeller is not None else {})
 
 
 def train_part(data: Dataset, steps: int | None, seed: int, command: str) -> Path:
@@ -1055,12 +1068,12 @@ def train_part(data: Dataset, steps: int | None, seed: int, command: str) -> Pat
 
     The state of the run is kept beside the weights, so a run that was broken off goes on.
     """
-    path, parts = place_for(data.name, "erd"), data.split()
-    recipe = replace(ErdRecipe.laptop(), steps=steps) if steps else ErdRecipe.laptop()
+    path, parts = default_path(data.name, "erd"), data.split()
+    recipe = replace(Config.laptop(), steps=steps) if steps else Config.laptop()
     labels = _LABEL_STEPS if recipe.steps >= _LABEL_STEPS else recipe.steps
     model = train_model(parts.train, recipe, seed, labels, keep=path.with_suffix(".run"), title=path.stem)
-    model.card = {"name": path.stem, "command": command, **model.card, "metrics": measured(model, parts.test)}
-    in_main(lambda: model.save(path))
+    model.card = {"name": path.stem, "command": command, **model.card, "metrics": evaluate_model(model, parts.test)}
+    main_process_first(lambda: model.save(path))
     return path
 
 
@@ -1077,7 +1090,7 @@ class StyleErdMethod:
     """Style-ERD (paper 2): an encoder, recurrent branches whose sum is the style, a decoder, all causal.
 
     model: by the name of the dataset that it learned from, or an `style_erd.ErdModel`. It knows the styles of that
-    dataset and no others. The shipped ones learned by `style_erd.ErdRecipe.laptop`, beyond the paper: they also saw
+    dataset and no others. The shipped ones learned by `style_erd.Config.laptop`, beyond the paper: they also saw
     neutral clips in step with styled ones, and what is lost on the way through the network is put back.
 
     >>> import motionkit as mk
@@ -1131,24 +1144,24 @@ class StyleErdMethod:
         content's rate, on its skeleton. Raises MotionKitError for styles that the model does not know, and bodies that
         cannot be brought to its own.
         """
-        check_clips(self.name, content, content, strength)
-        given, seen, what = body_of(content), self.seen(content), style
+        check_motions(self.name, content, content, strength)
+        given, seen, what = without_helper_joints(content), self.seen(content), style
         if isinstance(style, Motion):
             style = self.recognised(style)[1]
         labels, own = self._labelled(seen, content_label, content_style)
         body = self._back(self._run(seen, style, strength, labels, own), given)
         if lock:
-            body = on_the_ground(body, given)
-        return content.with_body(body).replace(name=named(content, _words(what)))
+            body = clean_up_feet(body, given)
+        return content.with_body(body).replace(name=result_name(content, _words(what)))
 
     def seen(self, motion: Motion) -> Motion:
         """A motion as the model sees it: its skeleton and rate. MotionKitError where it cannot be."""
         if not isinstance(motion, Motion):
             raise MotionKitError(f"style-erd takes a Motion, such as mk.load('walk.bvh'); found {motion!r:.80}")
-        body, skeleton, fps = body_of(motion), self.model.skeleton, self.model.fps
+        body, skeleton, fps = without_helper_joints(motion), self.model.skeleton, self.model.fps
         if not body.skeleton.same_tree(skeleton):
             still = Motion.from_root(skeleton, torch.eye(4)[:1].expand(1, len(skeleton), 4), torch.zeros(1, 3), fps)
-            body = on_body(body, still)
+            body = retarget_to(body, still)
         return body if abs(body.fps - fps) < 1e-3 else body.resample(fps, smooth=True)
 
     def transfer(self, content: Clip, style: Clip) -> Motion:
@@ -1167,7 +1180,7 @@ class StyleErdMethod:
         """What every frame looks like, after those before it."""
         if self.model.labeller is None:
             raise MotionKitError("style-erd: this model guesses no labels; give content_label and content_style")
-        guesses, found = Guesses(self.model.labeller), ([], [])
+        guesses, found = LabelTracker(self.model.labeller), ([], [])
         for frame in frames_of(seen).x.numpy():
             guesses.hear(frame[None])
             found[0].append(self.model.contents[guesses.content[0]])
@@ -1200,7 +1213,7 @@ class StyleErdMethod:
     def _back(self, body: Motion, given: Motion) -> Motion:
         """What the model made, on the content's body and in its frames."""
         if body.skeleton is not given.skeleton:
-            body = on_body(body, given)
+            body = retarget_to(body, given)
         if len(body) != len(given) or abs(body.fps - given.fps) > 1e-3:
             times = torch.arange(len(given), dtype=torch.float64) * (self.model.fps / given.fps)
             body = body.at(times.clamp(max=len(body) - 1), smooth=True).replace(fps=given.fps)

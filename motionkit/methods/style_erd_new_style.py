@@ -12,35 +12,35 @@ from torch import Tensor, nn
 
 from ..errors import MotionKitError
 from ..motion import Motion
-from ..training import Run, Schedule, fit
+from ..training import Run, TrainConfig, fit
 from .style_erd import (
     WINDOW,
-    Branches,
     ErdModel,
     Frames,
+    LSTMBank,
     StyleErd,
-    begun,
     frames_of,
+    input_residual,
     lowest_foot,
     placed_positions,
-    put_back,
     quaternion_loss,
-    rebuilding_loss,
+    reconstruction_loss,
     split,
+    zero_first_velocity,
 )
 
 STEPS, RATE, BATCH = 400, 1e-3, 16
 _STAY = 1.0  # how much it counts how far the new branch goes from where it began
 
 
-class NewBranch(nn.Module):
+class StyleBranch(nn.Module):
     """One more branch beside those of a network, and what the decoder is told of it.
 
     like: the number of a known style whose branch it begins as.
 
     >>> from motionkit.methods.style_erd import ErdConfig
     >>> net = StyleErd(joints=5, contents=3, styles=4, config=ErdConfig.tiny())
-    >>> branch, x = NewBranch(net, like=2), torch.randn(2, 24, 50)
+    >>> branch, x = StyleBranch(net, like=2), torch.randn(2, 24, 50)
     >>> branch(x, torch.tensor([0, 2]), torch.tensor([0, 0])).shape
     torch.Size([2, 24, 35])
     >>> branch.beside().styles
@@ -51,7 +51,7 @@ class NewBranch(nn.Module):
         super().__init__()
         self.network = (network,)  # in a tuple, so that it is no part of this module's state
         config = network.config
-        self.branch = Branches(1, config.style, config.latent, 1)
+        self.branch = LSTMBank(1, config.style, config.latent, 1)
         known = {name: value[:, like - 1 : like] for name, value in network.residual.state_dict().items()}
         self.branch.load_state_dict(known)
         self.told = nn.Parameter(network.decoder[0].weight[:, config.latent + like].detach().clone())
@@ -66,7 +66,7 @@ class NewBranch(nn.Module):
         told = self._decoded(plain + added, self.told)
         if not net.config.skip:
             return told
-        return put_back(x, told, self._decoded(plain, net.decoder[0].weight[:, net.config.latent]))
+        return input_residual(x, told, self._decoded(plain, net.decoder[0].weight[:, net.config.latent]))
 
     def _decoded(self, mixed: Tensor, told: Tensor) -> Tensor:
         """The decoder's answer [B, F, 7J] to branches [B, F, H]; told: what its first layer makes of the style."""
@@ -117,21 +117,21 @@ def learn_style(
         )
     network = model.network.eval().requires_grad_(False)
     wanted, given, number = frames_of(clip), frames_of(neutral), model.number("content", content)
-    branch = NewBranch(network, like=_nearest(network, given, wanted, number))
+    branch = StyleBranch(network, like=_nearest(network, given, wanted, number))
     offsets = clip.translations[0]
 
     def loss_of(module: nn.Module, step: int) -> Tensor:
         rows, content, moving = _drawn(len(clip), number, len(model.contents))
-        x = begun(given.x[rows], len(model.skeleton))
+        x = zero_first_velocity(given.x[rows], len(model.skeleton))
         x[..., -3 * len(model.skeleton) :] *= moving
         made = split(module(x, content, torch.zeros_like(content)))
         aim = wanted.rotations[rows], wanted.positions[rows], wanted.velocities[rows] * moving[..., None]
         places = placed_positions(model.skeleton, offsets, made[0], lowest_foot(model.skeleton, aim[1]))
-        missed = rebuilding_loss((aim[0], made[0]), (aim[1], places), (aim[2], made[1]))
+        missed = reconstruction_loss((aim[0], made[0]), (aim[1], places), (aim[2], made[1]))
         return missed.sum(1).mean() + _STAY * module.gone()
 
     running.setdefault("title", f"learning {name!r}")
-    run = fit(branch, loss_of, Schedule(STEPS, RATE, decay=0.0, seed=seed, average=0.99), **running)
+    run = fit(branch, loss_of, TrainConfig(STEPS, RATE, decay=0.0, seed=seed, average=0.99), **running)
     return replace(model, network=branch.beside(), styles=(*model.styles, name), labeller=None, card={}), run
 
 

@@ -13,17 +13,17 @@ from ..features.style_erd import SETTLE, TENTH
 from ..motion import Motion, left_right_pairs
 from ..rotations import quaternion_multiply
 from ..skeleton import Skeleton
-from ..training import Schedule, fit
-from .base import body_of
+from ..training import TrainConfig, fit
+from .base import without_helper_joints
 
 FRAMES = 120  # of the windows that it learns from
-_CALM = 0.1  # how much of a guess a new frame changes, so that labels do not flicker
+_SMOOTHING = 0.1  # how much of a guess a new frame changes, so that labels do not flicker
 
 
-class Labeller(nn.Module):
+class FrameClassifier(nn.Module):
     """A small recurrent classifier (paper 2, supplement C.1): after every frame, what the frames so far look like.
 
-    >>> guess = Labeller(joints=5, contents=3, styles=4)
+    >>> guess = FrameClassifier(joints=5, contents=3, styles=4)
     >>> content, style, state = guess(torch.randn(2, 24, 50))
     >>> content.shape, style.shape
     (torch.Size([2, 24, 3]), torch.Size([2, 24, 4]))
@@ -40,18 +40,18 @@ class Labeller(nn.Module):
         return self.content(heard), self.style(heard), state
 
 
-class Guesses:
+class LabelTracker:
     """The labels of B streams as they come in: `hear` takes a frame of each; `content` and `style` are numbers [B].
 
-    As `style_erd_stream.FastErd`, it does the labeller's work in NumPy, which is quicker for single frames.
+    As `style_erd_stream.NumpyStep`, it does the labeller's work in NumPy, which is quicker for single frames.
 
-    >>> guesses = Guesses(Labeller(joints=5, contents=3, styles=4).eval())
+    >>> guesses = LabelTracker(FrameClassifier(joints=5, contents=3, styles=4).eval())
     >>> guesses.hear(np.zeros((2, 50), "f4"))
     >>> guesses.content.shape, guesses.style.shape
     ((2,), (2,))
     """
 
-    def __init__(self, labeller: Labeller) -> None:
+    def __init__(self, labeller: FrameClassifier) -> None:
         memory = labeller.memory
         layers = (labeller.inside, labeller.content, labeller.style)
         self._inside, *self._heads = ((_numbers(one.weight).T, _numbers(one.bias)) for one in layers)
@@ -68,7 +68,7 @@ class Guesses:
         new = np.tanh(seen[:, 2 * size :] + reset * kept[:, 2 * size :])
         self._state = new + hold * (h - new)
         now = [_shares(self._state @ weight + bias) for weight, bias in self._heads]
-        self._sure = now if self._sure is None else [a + _CALM * (b - a) for a, b in zip(self._sure, now)]
+        self._sure = now if self._sure is None else [a + _SMOOTHING * (b - a) for a, b in zip(self._sure, now)]
 
     @property
     def content(self) -> np.ndarray:
@@ -91,10 +91,10 @@ def _shares(scores: np.ndarray) -> np.ndarray:
     return found / found.sum(1, keepdims=True)
 
 
-def train_labels(pieces, joints: int, steps: int = 1500, seed: int = 0, **running) -> Labeller:
+def train_frame_classifier(pieces, joints: int, steps: int = 1500, seed: int = 0, **running) -> FrameClassifier:
     """Teach it on windows, every frame counts, the first ones too. running: of `training.fit`."""
     torch.manual_seed(seed)
-    net = Labeller(joints, len(pieces.contents), len(pieces.styles))
+    net = FrameClassifier(joints, len(pieces.contents), len(pieces.styles))
 
     def loss_of(model: nn.Module, step: int) -> Tensor:
         chosen = torch.randint(len(pieces.x), (32,))
@@ -104,12 +104,12 @@ def train_labels(pieces, joints: int, steps: int = 1500, seed: int = 0, **runnin
         return each[0] + each[1]
 
     running.setdefault("title", "labels")
-    fit(net, loss_of, Schedule(steps, 2e-3, seed=seed, average=0.99), **running)
+    fit(net, loss_of, TrainConfig(steps, 2e-3, seed=seed, average=0.99), **running)
     return net.requires_grad_(False)
 
 
 @torch.no_grad()
-def hits(labeller: Labeller, pieces) -> dict[str, float]:
+def label_accuracy(labeller: FrameClassifier, pieces) -> dict[str, float]:
     """Per cent of windows whose content and style are right after the last frame and, `first_`, after the first."""
     content, style, _ = labeller(pieces.x)
     found = {}
@@ -119,12 +119,12 @@ def hits(labeller: Labeller, pieces) -> dict[str, float]:
     return found
 
 
-class QuickBody:
+class NumpyKinematics:
     """A skeleton for B frames at once; all arrays are float32, quaternions w x y z.
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> body = QuickBody(walk.skeleton)
+    >>> body = NumpyKinematics(walk.skeleton)
     >>> places = body.places(walk.rotations.numpy(), walk.translations.numpy())
     >>> bool(abs(places - walk.positions().numpy()).max() < 1e-5)
     True
@@ -174,7 +174,7 @@ class _Tree:
         """Forward kinematics, level by level: positions in the order of this tree."""
         turns, translations = turns[:, self.order], translations[:, self.order]
         local = np.empty((*turns.shape[:2], 3, 4), turns.dtype)  # rotation, and where it stands
-        local[..., :3], local[..., 3] = matrices(turns), translations
+        local[..., :3], local[..., 3] = quaternion_matrices(turns), translations
         world = np.empty_like(local)
         world[:, 0] = local[:, 0]
         for own, parents in self._levels:
@@ -195,19 +195,19 @@ def _squares() -> np.ndarray:
 _TURN = _squares()
 
 
-def matrices(q: np.ndarray) -> np.ndarray:
+def quaternion_matrices(q: np.ndarray) -> np.ndarray:
     """Unit quaternions [..., 4] to matrices [..., 3, 3].
 
-    >>> matrices(np.array([0.0, 0.0, 1.0, 0.0])).tolist()
+    >>> quaternion_matrices(np.array([0.0, 0.0, 1.0, 0.0])).tolist()
     [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]
     """
     return ((q[..., :, None] * q[..., None, :]).reshape(*q.shape[:-1], 16) @ _TURN).reshape(*q.shape[:-1], 3, 3)
 
 
-def turned(yaw: np.ndarray, places: np.ndarray) -> np.ndarray:
+def rotate_y(yaw: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Places [B, J, 3] turned about the vertical by yaw [B].
 
-    >>> turned(np.array([np.pi / 2]), np.array([[[0.0, 1.0, 2.0]]])).round(6).tolist()
+    >>> rotate_y(np.array([np.pi / 2]), np.array([[[0.0, 1.0, 2.0]]])).round(6).tolist()
     [[[2.0, 1.0, 0.0]]]
     """
     c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
@@ -219,17 +219,17 @@ def turned(yaw: np.ndarray, places: np.ndarray) -> np.ndarray:
 _ASIDE = np.float32([-1, 1, 1, -1])  # what a quaternion's y z w x count in its product with the vertical
 
 
-def yawed(yaw: np.ndarray, q: np.ndarray) -> np.ndarray:
+def rotate_quaternion_y(yaw: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Quaternions [B, 4] turned about the vertical by yaw [B].
 
-    >>> yawed(np.array([np.pi]), np.array([[1.0, 0.0, 0.0, 0.0]])).round(6).tolist()
+    >>> rotate_quaternion_y(np.array([np.pi]), np.array([[1.0, 0.0, 0.0, 0.0]])).round(6).tolist()
     [[0.0, 0.0, 1.0, 0.0]]
     """
     c, s = np.cos(yaw / 2)[:, None], np.sin(yaw / 2)[:, None]
     return c * q + s * (q[:, [2, 3, 0, 1]] * _ASIDE)
 
 
-class FastErd:
+class NumpyStep:
     """A trained network for B streams at once, each with labels and wishes of its own.
 
     network: is read once; later changes of it do not count. `reset` begins streams, `step` takes one frame of all.
@@ -237,7 +237,7 @@ class FastErd:
     >>> import torch
     >>> from motionkit.methods.style_erd import ErdConfig, StyleErd
     >>> net = StyleErd(joints=5, contents=3, styles=4, config=ErdConfig.tiny()).eval()
-    >>> fast, content, style = FastErd(net), np.array([0, 2]), np.array([0, 1])
+    >>> fast, content, style = NumpyStep(net), np.array([0, 2]), np.array([0, 1])
     >>> out, state = fast.step(np.ones((2, 50), "f4"), content, style, np.eye(4, dtype="f4")[:2], fast.begin(content))
     >>> out.shape
     (2, 35)
@@ -310,7 +310,7 @@ class FastErd:
         return y
 
     def _put_back(self, x: np.ndarray, told: np.ndarray, rebuilt: np.ndarray) -> np.ndarray:
-        """As `layers.put_back`."""
+        """As `layers.input_residual`."""
         turns = self._turns
         other, own, came = (one[:, turns].reshape(len(x), -1, 4) for one in (told, rebuilt, x))
         lost = _product(own * _BACK, came)
@@ -413,7 +413,7 @@ class ErdStream:
         self.model, self.count, self.fade, self._strength, self._style = model, count, fade, 1.0, None
         self._state, self._before, self._path, self._stages = None, None, None, None
         self._whole = np.eye(len(model.styles), dtype=np.float32)
-        self._guesses = Guesses(model.labeller) if model.labeller is not None else None
+        self._guesses = LabelTracker(model.labeller) if model.labeller is not None else None
         self.content, self.own_style = content, own_style
         self._strength = strength
         self.style = style
@@ -503,10 +503,10 @@ class ErdStream:
         yaw, ground = body.facing(places), places[:, 0] * np.float32([1, 0, 1])
         gap = (self._gap / self.model.fps * TENTH)[:, None, None]
         moved = np.zeros_like(places) if self._before is None else (places - self._before) / gap
-        seen = turned(-yaw, np.concatenate((places - ground[:, None], moved), 1))
+        seen = rotate_y(-yaw, np.concatenate((places - ground[:, None], moved), 1))
         local, speed = seen[:, : places.shape[1]], seen[:, places.shape[1] :]
         own = turns.copy()
-        own[:, 0] = yawed(-yaw, turns[:, 0])
+        own[:, 0] = rotate_quaternion_y(-yaw, turns[:, 0])
         own *= np.where(own[..., :1] < 0, np.float32(-1), np.float32(1))
         x = np.concatenate([part.reshape(count, -1) for part in (own, local, speed)], 1, dtype=np.float32)
         self._guess(x)
@@ -527,12 +527,12 @@ class ErdStream:
         lying[:, 0] = 0
         height = low - body.lowest_of(made, lying)
         if self._before is not None:
-            step = turned(yaw, y[:, None, 4 * joints : 4 * joints + 3] * np.float32(TENTH / self.model.fps))[:, 0]
+            step = rotate_y(yaw, y[:, None, 4 * joints : 4 * joints + 3] * np.float32(TENTH / self.model.fps))[:, 0]
             self._path = self._path + step
             height = self._path[:, 1] + np.float32(SETTLE) * (height - self._path[:, 1])
         self._path[:, 1] = height
         root = self._path.copy()
-        made[:, 0] = yawed(yaw, made[:, 0])
+        made[:, 0] = rotate_quaternion_y(yaw, made[:, 0])
         return made.astype(np.float32), root.astype(np.float32)
 
     def _followed(self, shares: np.ndarray) -> np.ndarray:
@@ -589,7 +589,7 @@ class ErdStream:
     def _checked(self, frame: Motion) -> Motion:
         if not isinstance(frame, Motion) or len(frame) != 1:
             raise MotionKitError(f"a stream takes one frame at a time, such as motion[n : n + 1]; found {frame!r:.60}")
-        body, model = body_of(frame), self.model
+        body, model = without_helper_joints(frame), self.model
         if body.skeleton.names != model.skeleton.names or body.skeleton.parents != model.skeleton.parents:
             odd = next((a for a, b in zip(body.skeleton.names, model.skeleton.names) if a != b), "another tree")
             raise MotionKitError(

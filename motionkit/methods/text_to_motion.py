@@ -16,22 +16,22 @@ from tqdm.auto import tqdm
 
 from .. import checkpoints, judges, sampling, text
 from ..checkpoints import load_into
-from ..datasets import Clip, Dataset, Encoded, Split
-from ..datasets.batches import fitted
+from ..datasets import Clip, Dataset, Split
+from ..datasets.batches import FeatureCache, fit_normalizer
 from ..diffusion import NoiseSchedule, simple_loss
 from ..errors import MotionKitError
 from ..features import FacingFree, Normalizer
-from ..features.facing_free import OfBody, encoded, of_size
+from ..features.facing_free import OfBody, encode_normalized, scaled_skeleton
 from ..judges import Judge
 from ..layers import Denoiser, SemanticEncoder, TransformerConfig, semantic_loss
-from ..metrics import AMONG, fmd, recalls
+from ..metrics import AMONG, fmd, recall_at_k
 from ..motion import Motion
 from ..text import TextEncoder, similarity
 from ..text.train import STEPS as TEXT_STEPS
-from ..text.train import nonsense, texts_of, train_text
-from ..training import Schedule, card_of, device_of, fit, in_main, place_for, seed_batch
+from ..text.train import nonsense, texts_for, train_text
+from ..training import TrainConfig, default_path, device_of, fit, main_process_first, seed_batch, training_card
 
-SCALE = 2.0  # of guidance: the least with nine styles of ten named right on `actor`'s validation part
+GUIDANCE_SCALE = 2.0  # of guidance: the least with nine styles of ten named right on `actor`'s validation part
 Sampler = Callable[..., Tensor]
 
 
@@ -86,7 +86,7 @@ class Prior:
 
     def encode(self, motion: Motion) -> Tensor:
         """A motion of F frames to the normalised features [F, D] that noise is added to."""
-        return encoded(motion, self.layout, self.normalizer)
+        return encode_normalized(motion, self.layout, self.normalizer)
 
     def decode(self, x: Tensor, name: str = "") -> Motion:
         """Normalised features [F, D] to a motion, by their rotations; it starts at the origin, facing +Z.
@@ -94,14 +94,16 @@ class Prior:
         Bones are as long as the positions among the features say, all in one proportion: people of all sizes are made.
         """
         x = self.normalizer.denormalize(x.detach().cpu().float())
-        return FacingFree(of_size(self.layout, x), self.fps).decode(x).replace(name=name)
+        return FacingFree(scaled_skeleton(self.layout, x), self.fps).decode(x).replace(name=name)
 
     def noise(self, prompts: Sequence[str], frames: int, seed: int = 0) -> Tensor:
         """What sampling starts from, [B, F, D]: standard normal, the same for a seed on every machine."""
         shape = (len(prompts), frames, self.layout.size)
         return torch.randn(shape, generator=torch.Generator().manual_seed(seed))
 
-    def predict(self, prompts: Sequence[str], scale: float = SCALE, mask: Tensor | None = None) -> sampling.Predict:
+    def predict(
+        self, prompts: Sequence[str], scale: float = GUIDANCE_SCALE, mask: Tensor | None = None
+    ) -> sampling.Denoise:
         """The network with these sentences, for any function in `sampling`; see `sampling.guided` for scale.
 
         mask: bool [B, F], frames that are there, where motions differ in length. Raises MotionKitError for an empty
@@ -116,7 +118,9 @@ class Prior:
         for prompt in prompts:
             text.check_prompt(prompt, self.encoder, self.known, self.known_embeddings, self.least)
         vectors, more = self.encoder.encode(prompts), {} if mask is None else {"mask": mask}
-        return sampling.guided(self.network.eval(), vectors, torch.zeros(vectors.shape[1]), scale, **more)
+        return sampling.classifier_free_guidance(
+            self.network.eval(), vectors, torch.zeros(vectors.shape[1]), scale, **more
+        )
 
     @torch.no_grad()
     def generate(
@@ -124,7 +128,7 @@ class Prior:
         prompts: str | Sequence[str],
         seconds: float | Sequence[float] = 4.0,
         *,
-        scale: float = SCALE,
+        scale: float = GUIDANCE_SCALE,
         sampler: Sampler = sampling.ddim,
         steps: int = 20,
         seed: int = 0,
@@ -181,7 +185,7 @@ class Prior:
         layout = OfBody(checkpoints.skeleton_of(card["skeleton"]), card["fps"])
         normalizer = Normalizer(tensors.pop("mean"), tensors.pop("std"), card["features"], card["features_hash"])
         schedule = NoiseSchedule(tensors.pop("alphas_bar"))
-        config = checkpoints.config_of(path, card, TransformerConfig)
+        config = checkpoints.load_config(path, card, TransformerConfig)
         network = Denoiser(layout.size, card["text_size"], config, schedule.steps).eval()
         checkpoints.load_into(network, {name: value.float() for name, value in tensors.items()}, path)
         return cls(
@@ -220,7 +224,7 @@ class Discriminator:
 
     def encode(self, motion: Motion) -> Tensor:
         """A motion of F frames to the normalised features [F, D] that the network reads."""
-        return encoded(motion, self.layout, self.normalizer)
+        return encode_normalized(motion, self.layout, self.normalizer)
 
     @torch.no_grad()
     def embed(self, motions: Sequence[Motion]) -> Tensor:
@@ -254,7 +258,7 @@ class Discriminator:
         encoder = checkpoints.same_encoder(path, card, encoder or text.load(card["text_encoder"]))
         layout = OfBody(checkpoints.skeleton_of(card["skeleton"]), card["fps"])
         normalizer = Normalizer(tensors.pop("mean"), tensors.pop("std"), card["features"], card["features_hash"])
-        config = checkpoints.config_of(path, card, TransformerConfig)
+        config = checkpoints.load_config(path, card, TransformerConfig)
         network = SemanticEncoder(layout.size, card["text_size"], config).eval()
         checkpoints.load_into(network, {name: value.float() for name, value in tensors.items()}, path)
         return cls(network, layout, normalizer, encoder, card)
@@ -262,7 +266,7 @@ class Discriminator:
 
 BATCH, RATE = 48, 7e-4
 STEPS = {"prior": 25000, "discriminator": 1000}
-LOUDER = 6.0  # noise than the plain cosine's: how fast a motion goes is settled where there is least signal
+SNR_SHIFT = 6.0  # noise than the plain cosine's: how fast a motion goes is settled where there is least signal
 DROP = 0.1  # share of the motions that come without their sentence, so that guidance can be used
 SHORTEST = 40  # frames of a window
 
@@ -295,7 +299,7 @@ def train_prior(
     data: Dataset | Split,
     encoder: TextEncoder,
     config: TransformerConfig | None = None,
-    schedule: Schedule | None = None,
+    schedule: TrainConfig | None = None,
     *,
     noise: NoiseSchedule | None = None,
     drop: float = DROP,
@@ -311,9 +315,9 @@ def train_prior(
     Raises MotionKitError for clips without captions, or where `start` has other sizes.
     """
     split = data.split() if isinstance(data, Dataset) else data
-    config, noise = config or TransformerConfig.laptop(), noise or NoiseSchedule.cosine(1000).louder(LOUDER)
-    schedule = schedule or Schedule(STEPS["prior"], rate=RATE, decay=1e-2, average=0.999)
-    encoded, normalizer = fitted(split.train)
+    config, noise = config or TransformerConfig.laptop(), noise or NoiseSchedule.cosine(1000).louder(SNR_SHIFT)
+    schedule = schedule or TrainConfig(STEPS["prior"], rate=RATE, decay=1e-2, average=0.999)
+    encoded, normalizer = fit_normalizer(split.train)
     if start is not None:
         normalizer, noise = start.normalizer, start.schedule
     sentences = Sentences.of(split.train, encoder)
@@ -323,22 +327,22 @@ def train_prior(
         load_into(network, start.network.state_dict(), "start")
     loss_of, batch_of = _prior_loss(encoded, normalizer, sentences, noise, config.frames, drop, batch, schedule)
     run = fit(network, loss_of, schedule, batch_of=batch_of, **running)
-    known, least = known_sentences(split.train, encoder)
-    card = {**card_of(split.train, schedule, run, network), "batch": batch, "drop": drop}
+    known, least = ood_captions(split.train, encoder)
+    card = {**training_card(split.train, schedule, run, network), "batch": batch, "drop": drop}
     card["last_loss"] = round(sum(run.losses[-200:]) / len(run.losses[-200:]), 4)
     card |= {} if start is None else {"started_from": {k: start.card.get(k) for k in ("command", "steps", "seconds")}}
     return Prior(network, encoded.layout, normalizer, noise, encoder, known, least, drop > 0, card)
 
 
 def _prior_loss(
-    encoded: Encoded,
+    encoded: FeatureCache,
     normalizer: Normalizer,
     sentences: Sentences,
     noise: NoiseSchedule,
     frames: int,
     drop: float,
     batch: int,
-    schedule: Schedule,
+    schedule: TrainConfig,
 ) -> tuple[Callable[[nn.Module, int], Tensor], Callable[[int], str]]:
     """The loss of a step (paper 1, eq. 5), and what is in its batch, in words."""
 
@@ -369,7 +373,7 @@ def _prior_loss(
 def train_discriminator(
     data: Dataset | Split,
     prior: Prior,
-    schedule: Schedule | None = None,
+    schedule: TrainConfig | None = None,
     *,
     batch: int = BATCH,
     **running,
@@ -379,8 +383,8 @@ def train_discriminator(
     Sizes are the prior's. The card holds R@1 and R@3 among 32 sentences on the test part. running: as in `fit`.
     """
     split = data.split() if isinstance(data, Dataset) else data
-    schedule = schedule or Schedule(STEPS["discriminator"], rate=RATE, decay=1e-2, average=0.999)
-    encoded = Encoded(split.train, prior.layout)
+    schedule = schedule or TrainConfig(STEPS["discriminator"], rate=RATE, decay=1e-2, average=0.999)
+    encoded = FeatureCache(split.train, prior.layout)
     sentences = Sentences.of(split.train, prior.encoder)
     torch.manual_seed(schedule.seed)
     config, embedding = prior.network.config, prior.network.embedding
@@ -396,20 +400,20 @@ def train_discriminator(
 
     run = fit(network, loss_of, schedule, **running)
     made = Discriminator(network, prior.layout, prior.normalizer, prior.encoder)
-    made.card = {**card_of(split.train, schedule, run, network), "batch": batch}
+    made.card = {**training_card(split.train, schedule, run, network), "batch": batch}
     made.card["metrics"] = retrieval(made, split.test) if len(split.test) else {}
     return made
 
 
 def retrieval(judge: Discriminator, clips: Dataset) -> dict[str, float]:
-    """R@1 and R@3 of clips' own first captions, see `recalls`; among half of the meanings where 32 are too many."""
+    """R@1 and R@3 of clips' own first captions, see `recall_at_k`; among half of the meanings where 32 are too many."""
     groups = [(clip.content, clip.style) for clip in clips]
     motions = judge.embed([clip.motion for clip in clips])
     texts = judge.encoder.encode([clip.text for clip in clips])
-    return recalls(motions, texts, groups, min(AMONG, max(len(set(groups)) // 2, 1)))
+    return recall_at_k(motions, texts, groups, min(AMONG, max(len(set(groups)) // 2, 1)))
 
 
-def known_sentences(train: Dataset, encoder: TextEncoder, each: int = 4) -> tuple[tuple[str, ...], float]:
+def ood_captions(train: Dataset, encoder: TextEncoder, each: int = 4) -> tuple[tuple[str, ...], float]:
     """Some captions of each content and style, and how near to one of them a prompt should be.
 
     That is halfway between what other wordings of the same meanings reach (all but one in a hundred) and what sentences
@@ -421,7 +425,7 @@ def known_sentences(train: Dataset, encoder: TextEncoder, each: int = 4) -> tupl
         several.update(dict.fromkeys(clip.texts[: each if len(several) < each else 0]))
     known = tuple(sorted({text for several in found.values() for text in several}))
     chance = random.Random(0)
-    again = sorted({text for content, style in found for text in texts_of(content, style, seed=1)})
+    again = sorted({text for content, style in found for text in texts_for(content, style, seed=1)})
     near, far = (
         similarity(encoder.encode(texts), encoder.encode(known)).amax(1)
         for texts in (again, [nonsense(chance) for _ in range(200)])
@@ -433,7 +437,7 @@ PROMPTS_AT_ONCE = 48
 SEEDS = (0, 1, 2)  # one seed's figures differ from another's by a per cent or two
 
 
-def answers(
+def generate_for(
     prior: Prior,
     clips: Dataset,
     sampler: Sampler = sampling.ddim,
@@ -461,12 +465,12 @@ def quality(prior: Prior, split: Split, judge: Judge, title: str = "", **more) -
     Means over answers from several seeds to the test part's sentences, by 20 DDIM steps. `fmd`: in the content
     classifier's features (paper 1, section 5.2), and beside it `fmd_real`, of as many training clips; the same with
     `_ae` in the autoencoder's (paper 2). `real_content` and `real_style` are what the judges name of the clips
-    themselves. more: what `answers` takes beside, such as `scale`.
+    themselves. more: what `generate_for` takes beside, such as `scale`.
     """
     test = split.test
     few = torch.randperm(len(split.train), generator=torch.Generator().manual_seed(0))[: len(test)].tolist()
     real, others = [clip.motion for clip in test], [split.train[n].motion for n in few]
-    made = [answers(prior, test, seed=seed, title=title, **more) for seed in SEEDS]
+    made = [generate_for(prior, test, seed=seed, title=title, **more) for seed in SEEDS]
     found = {}
     for label, classifier in (("content", judge.content), ("style", judge.style)):
         ids = classifier.ids([getattr(clip, label) for clip in test])
@@ -480,7 +484,7 @@ def quality(prior: Prior, split: Split, judge: Judge, title: str = "", **more) -
     return {name: round(value, 3) for name, value in found.items()}
 
 
-def grade(path: str | os.PathLike, split: Split) -> dict[str, float]:
+def evaluate_checkpoint(path: str | os.PathLike, split: Split) -> dict[str, float]:
     """Write the `quality` of weights into their card; nothing where no judge was trained on the dataset."""
     name = split.train.name
     if name not in judges.names() or not len(split.test):
@@ -508,23 +512,23 @@ def train_part(
     of a prior to go on from, the one trained before for instance. The state of the run is kept beside the weights, so a
     run that was broken off goes on. A discriminator needs the dataset's prior. Of several processes the first writes.
     """
-    path = place_for(data.name, part) if part != "text" else checkpoints.folder() / "text-mini.safetensors"
+    path = default_path(data.name, part) if part != "text" else checkpoints.folder() / "text-mini.safetensors"
     keep, split = path.with_suffix(".run"), data.split()
     if part == "text":
-        schedule = Schedule(steps or TEXT_STEPS, rate=1e-3, decay=1e-2, seed=seed)
+        schedule = TrainConfig(steps or TEXT_STEPS, rate=1e-3, decay=1e-2, seed=seed)
         made = train_text(split, None, schedule, keep=keep, title=path.stem)
     else:
-        schedule = Schedule(steps or STEPS[part], rate=rate or RATE, decay=1e-2, seed=seed, average=0.999)
+        schedule = TrainConfig(steps or STEPS[part], rate=rate or RATE, decay=1e-2, seed=seed, average=0.999)
         if part == "prior":
             first = Prior.load(checkpoints.find(start)) if start else None
             made = train_prior(split, text.load(encoder), config, schedule, start=first, keep=keep, title=path.stem)
         else:
-            prior = Prior.load(place_for(data.name, "prior"))
+            prior = Prior.load(default_path(data.name, "prior"))
             made = train_discriminator(split, prior, schedule, keep=keep, title=path.stem)
     made.card = {"name": path.stem, "command": command, **made.card}
-    in_main(lambda: made.save(path))
+    main_process_first(lambda: made.save(path))
     if part == "prior":
-        in_main(lambda: grade(path, split))
+        main_process_first(lambda: evaluate_checkpoint(path, split))
     return path
 
 

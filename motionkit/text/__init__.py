@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from ..errors import MotionKitError
 from .captions import style_in, to_neutral, to_style
-from .encoders import Remembered, TextEncoder, check_prompt, content_key, similarity
+from .encoders import CachedEncoder, TextEncoder, check_prompt, content_key, similarity
 
 __all__ = [
-    "Remembered",
+    "CachedEncoder",
     "TextEncoder",
     "check_prompt",
     "content_key",
@@ -26,7 +26,7 @@ _FORMS = "'mini', 'sentence-transformers:NAME_OR_FOLDER', 'clip:NAME_OR_FOLDER' 
 
 
 def load(name: str = "mini") -> TextEncoder:
-    """A text encoder by name; those of other people come as `Remembered`, since they are slow.
+    """A text encoder by name; those of other people come as `CachedEncoder`, since they are slow.
 
     name: "mini", the kit's own; "sentence-transformers:all-MiniLM-L6-v2" or a folder;
     "clip:openai/clip-vit-base-patch32" or a folder (through `transformers`); "open-clip:ViT-B-32@openai", where a file
@@ -49,4 +49,4 @@ def load(name: str = "mini") -> TextEncoder:
     from . import encoders
 
     make = {"sentence-transformers": encoders.sentence_transformer, "clip": encoders.clip}
-    return Remembered(make.get(kind, encoders.open_clip)(model))
+    return CachedEncoder(make.get(kind, encoders.open_clip)(model))

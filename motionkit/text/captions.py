@@ -28,7 +28,7 @@ class Words(NamedTuple):
     captured: tuple[str, str] | tuple[()] = ()
 
 
-class Deed(NamedTuple):
+class ContentWords(NamedTuple):
     """What is done, verbs in braces, to be put into their form.
 
     ways: of captions of the performer; %: "with the left leg", where it is one leg or hand. captured: the two of
@@ -54,19 +54,19 @@ _MASCULINE = Words(
 )
 
 
-def a(words: str) -> str:
+def with_article(words: str) -> str:
     """The words with `a` or `an` in front.
 
-    >>> a("person"), a("old person")
+    >>> with_article("person"), with_article("old person")
     ('a person', 'an old person')
     """
     return f"{'an' if words[:1].lower() in tuple('aeiou') else 'a'} {words}"
 
 
-def said(name: str) -> str:
+def style_phrase(name: str) -> str:
     """A label as people say it.
 
-    >>> said("big-steps")
+    >>> style_phrase("big-steps")
     'big steps'
     """
     return re.sub("[-_]+", " ", name).strip()
@@ -254,43 +254,45 @@ _LOCOMOTION = {
     "wild-arms": "with wild arms",
     "wild-legs": "with wild legs",
 }
-STYLES.update((name, Words((f"in {a(said(name))} style", how))) for name, how in _LOCOMOTION.items())
+STYLES.update((name, Words((f"in {with_article(style_phrase(name))} style", how))) for name, how in _LOCOMOTION.items())
 
-DEEDS = {
-    "bow": Deed(("{bow}", "{take} a bow", "{bend} down in a bow"), ("{bow}", "{bend} down in a greeting")),
-    "bye": Deed((), ("{wave} goodbye", "{say} goodbye with a wave")),
-    "byebye": Deed((), ("{wave} goodbye again and again", "{wave} someone off")),
-    "call": Deed((), ("{call} someone over", "{beckon}")),
-    "dance-long": Deed((), ("{dance} for a while", "{do} a long dance")),
-    "dance-short": Deed((), ("{dance}", "{do} a short dance")),
-    "dash": Deed((), ("{dash}", "{sprint}")),
-    "guide": Deed((), ("{show} the way", "{point} someone along")),
-    "idle": Deed(("{stand}", "{stand} in place", "{stand} around", "{wait}"), ("{stand}", "{stay} in place")),
-    "jump": Deed(("{jump}", "{jump} up", "{leap} into the air"), ("{jump}", "{leap} up")),
-    "kick": Deed(("{kick}%", "{throw} a kick%"), ("{kick}", "{throw} a kick")),
-    "peck": Deed(("{peck}", "{peck} at the ground")),
-    "punch": Deed(("{punch}", "{punch} with both fists", "{throw} punches"), ("{punch}", "{throw} a punch")),
-    "raise-hands": Deed(("{raise} both hands", "{lift} both arms", "{put} both hands up")),
-    "respond": Deed((), ("{respond}", "{answer} with a gesture")),
-    "roar": Deed(("{roar}", "{roar} loudly")),
-    "run": Deed(("{run}", "{run} forward", "{run} ahead", "{jog} along"), ("{run}", "{jog} along")),
-    "sit": Deed(("{sit} down", "{sit}")),
-    "slash": Deed((), ("{slash} with a sword", "{swing} a blade")),
-    "threat": Deed(("{threaten} someone", "{raise} both claws")),
-    "trot": Deed(("{trot}", "{trot} forward", "{trot} ahead", "{trot} along")),
-    "walk": Deed(("{walk}", "{walk} forward", "{walk} ahead", "{walk} along"), ("{walk}", "{go} on foot")),
-    "walk-back": Deed(("{walk} backwards", "{walk} back", "{step} backwards"), ("{walk} backwards", "{step} back")),
-    "walk-left": Deed((), ("{walk} to the left", "{step} to the left")),
-    "walk-right": Deed((), ("{walk} to the right", "{step} to the right")),
-    "walk-turn-left": Deed(
+CONTENTS = {
+    "bow": ContentWords(("{bow}", "{take} a bow", "{bend} down in a bow"), ("{bow}", "{bend} down in a greeting")),
+    "bye": ContentWords((), ("{wave} goodbye", "{say} goodbye with a wave")),
+    "byebye": ContentWords((), ("{wave} goodbye again and again", "{wave} someone off")),
+    "call": ContentWords((), ("{call} someone over", "{beckon}")),
+    "dance-long": ContentWords((), ("{dance} for a while", "{do} a long dance")),
+    "dance-short": ContentWords((), ("{dance}", "{do} a short dance")),
+    "dash": ContentWords((), ("{dash}", "{sprint}")),
+    "guide": ContentWords((), ("{show} the way", "{point} someone along")),
+    "idle": ContentWords(("{stand}", "{stand} in place", "{stand} around", "{wait}"), ("{stand}", "{stay} in place")),
+    "jump": ContentWords(("{jump}", "{jump} up", "{leap} into the air"), ("{jump}", "{leap} up")),
+    "kick": ContentWords(("{kick}%", "{throw} a kick%"), ("{kick}", "{throw} a kick")),
+    "peck": ContentWords(("{peck}", "{peck} at the ground")),
+    "punch": ContentWords(("{punch}", "{punch} with both fists", "{throw} punches"), ("{punch}", "{throw} a punch")),
+    "raise-hands": ContentWords(("{raise} both hands", "{lift} both arms", "{put} both hands up")),
+    "respond": ContentWords((), ("{respond}", "{answer} with a gesture")),
+    "roar": ContentWords(("{roar}", "{roar} loudly")),
+    "run": ContentWords(("{run}", "{run} forward", "{run} ahead", "{jog} along"), ("{run}", "{jog} along")),
+    "sit": ContentWords(("{sit} down", "{sit}")),
+    "slash": ContentWords((), ("{slash} with a sword", "{swing} a blade")),
+    "threat": ContentWords(("{threaten} someone", "{raise} both claws")),
+    "trot": ContentWords(("{trot}", "{trot} forward", "{trot} ahead", "{trot} along")),
+    "walk": ContentWords(("{walk}", "{walk} forward", "{walk} ahead", "{walk} along"), ("{walk}", "{go} on foot")),
+    "walk-back": ContentWords(
+        ("{walk} backwards", "{walk} back", "{step} backwards"), ("{walk} backwards", "{step} back")
+    ),
+    "walk-left": ContentWords((), ("{walk} to the left", "{step} to the left")),
+    "walk-right": ContentWords((), ("{walk} to the right", "{step} to the right")),
+    "walk-turn-left": ContentWords(
         ("{walk} and {turn} left", "{walk} in a curve to the left", "{walk} and {veer} left"),
         ("{walk} and {turn} left", "{take} a left turn on foot"),
     ),
-    "walk-turn-right": Deed(
+    "walk-turn-right": ContentWords(
         ("{walk} and {turn} right", "{walk} in a curve to the right", "{walk} and {veer} right"),
         ("{walk} and {turn} right", "{take} a right turn on foot"),
     ),
-    "wave": Deed(("{wave}%", "{wave} at someone%", "{wave} hello%")),
+    "wave": ContentWords(("{wave}%", "{wave} at someone%", "{wave} hello%")),
 }
 _PAST = {
     "bend": "bent", "bite": "bit", "creep": "crept", "fly": "flew", "go": "went", "put": "put", "rise": "rose",
@@ -299,19 +301,19 @@ _PAST = {
 }  # fmt: skip
 
 
-def deed(content: str) -> Deed:
+def content_words(content: str) -> ContentWords:
     """The words for a content; none where nobody wrote any.
 
-    >>> deed("walk_back").captured, deed("juggle")
-    (('{walk} backwards', '{step} back'), Deed(ways=(), captured=()))
+    >>> content_words("walk_back").captured, content_words("juggle")
+    (('{walk} backwards', '{step} back'), ContentWords(ways=(), captured=()))
     """
-    return DEEDS.get(content.replace("_", "-"), Deed())
+    return CONTENTS.get(content.replace("_", "-"), ContentWords())
 
 
-def spoken(way: str, ending: str) -> str:
+def conjugate(way: str, ending: str) -> str:
     """What is done, its verbs with `s`, `ing` or `ed`.
 
-    >>> spoken("{walk} and {turn} left", "ing")
+    >>> conjugate("{walk} and {turn} left", "ing")
     'walking and turning left'
     """
     return re.sub(r"{(\w+)}", lambda found: form(found[1], ending), way)
@@ -380,11 +382,11 @@ def to_style(caption: str, style: str, ask: Callable[[str], str] | None = None) 
     ('A person jumps in depression.', 'a person walks in a very odd style')
     """
     _check_caption(caption)
-    if not isinstance(style, str) or not said(style):
+    if not isinstance(style, str) or not style_phrase(style):
         raise MotionKitError(f"style: expected a label, such as 'old'; found {style!r}")
-    how = STYLES[style].how[0] if style in STYLES else f"in {a(said(style))} style"
+    how = STYLES[style].how[0] if style in STYLES else f"in {with_article(style_phrase(style))} style"
     if ask is not None:
-        return _answer(ask, _ASK_STYLE.format(style=said(style), how=how, caption=caption), caption)
+        return _answer(ask, _ASK_STYLE.format(style=style_phrase(style), how=how, caption=caption), caption)
     return _once(to_neutral(re.sub(rf"{re.escape(how)}(?!\w)", "neutrally", caption)), how)
 
 
@@ -423,7 +425,7 @@ def _says(sentence: str, phrase: str) -> bool:
 
 def _phrases(name: str, words: Words) -> tuple[str, ...]:
     walks = [form(verb, ending) for verb in words.walks for ending in ("s", "ing", "ed")]
-    return (*words.how, *words.captured[:1], *words.who, said(name), *walks)
+    return (*words.how, *words.captured[:1], *words.who, style_phrase(name), *walks)
 
 
 def _check_caption(caption: object) -> None:
@@ -460,7 +462,7 @@ def _once(text: str, how: str) -> str:
 
 def _plain_subject(match: re.Match) -> str:
     article, noun = match[1], match[2]
-    fitting = article if article.lower() == "the" else a(noun).split(" ")[0]
+    fitting = article if article.lower() == "the" else with_article(noun).split(" ")[0]
     return f"{fitting.capitalize() if article[0].isupper() else fitting} {noun}"
 
 
@@ -474,7 +476,7 @@ def _any(phrases: set[str]) -> str:
 
 _STYLED = {name: words for name, words in STYLES.items() if words is not NEUTRAL}
 _ADJECTIVES = _any({who for words in _STYLED.values() for who in words.who})
-_LABELS = _any({said(name) for name in _STYLED})
+_LABELS = _any({style_phrase(name) for name in _STYLED})
 _VERY = r"(?:(?:very|rather|quite|really|so) )?"
 _MANY = rf"(?:{_VERY}(?:{_ADJECTIVES}),? (?:and )?)+"
 # Phrases of manner, whole words; "in an angry way" is made of what people of a style are called. A style that nobody
@@ -533,7 +535,7 @@ def performed_captions(
         raise MotionKitError(f"count: expected a whole number of at least 1; found {count!r}")
     chance = random.Random(f"{seed} {content} {_name(style)}")
     words = _words(_name(style))
-    subject = re.sub("^an? (.*)", lambda m: a(m[1]), subject)
+    subject = re.sub("^an? (.*)", lambda m: with_article(m[1]), subject)
     ways = _ways(content, acts)
     found = {f"{subject} is {_doing([w[0] for w in ways], 'ing')}{_comma(ways)} {words.how[0]}": None}
     forms = _forms(words, ways)
@@ -554,7 +556,7 @@ def _name(style: object) -> str:
 
 
 def _words(style: str) -> Words:
-    return STYLES.get(style) or Words((f"in {a(said(style))} style",))
+    return STYLES.get(style) or Words((f"in {with_article(style_phrase(style))} style",))
 
 
 def _ways(content: str | Sequence[str], acts: Sequence) -> list[list[str]]:
@@ -565,7 +567,7 @@ def _ways(content: str | Sequence[str], acts: Sequence) -> list[list[str]]:
         verb, *rest = re.split("[-_ ]+", name)
         sides = {act.side for act in acts if act.name == name}
         limb = f" with the {'left' if sides == {1} else 'right'} {_LIMBS.get(name)}" if len(sides) == 1 else ""
-        words = deed(name)
+        words = content_words(name)
         ways = words.ways or words.captured or (" ".join((f"{{{verb}}}", *rest)),)
         result.append([way.replace("%", limb) for way in ways])
     return result
@@ -592,7 +594,7 @@ def _sentence(form: str, subject: str, ways: list[list[str]], words: Words, chan
     how, adverb, walk = (chance.choice(c) if c else "" for c in (words.how, _adverbs(words), words.walks))
     if form == "who":
         who = f"{chance.choice(words.who)} {noun}"
-        who = chance.choice((a(who), f"the {who}"))
+        who = chance.choice((with_article(who), f"the {who}"))
     if form == "walks":
         after = chance.choice(("", f" {adverb}")) if adverb[:4] not in ("", walk[:4]) else ""
         doing = [d.replace("{walk}", f"{{{walk}}}{after}") for d in doing]
@@ -601,7 +603,7 @@ def _sentence(form: str, subject: str, ways: list[list[str]], words: Words, chan
 
 
 def _doing(doing: Sequence[str], ending: str) -> str:
-    told = [spoken(d, ending) for d in doing]
+    told = [conjugate(d, ending) for d in doing]
     return (" and then " if len(told) == 2 else ", then ").join(told)
 
 
@@ -609,18 +611,18 @@ def _comma(ways: Sequence) -> str:
     return "," if len(ways) > 1 else ""
 
 
-def doing(content: str) -> tuple[str, str]:
+def gerund(content: str) -> tuple[str, str]:
     """What someone "is doing" who does `content`, twice in different words.
 
-    >>> doing("run"), doing("wave-left-hand"), doing("juggle")
+    >>> gerund("run"), gerund("wave-left-hand"), gerund("juggle")
     (('running', 'jogging along'), ('waving the left hand', 'swinging the left hand'),
      ('doing juggle', 'performing juggle'))
     """
     match = re.fullmatch(r"(wave|raise-up)-(both|left|right)-hands?", content)
     if match is None:
-        ways = deed(content).captured
+        ways = content_words(content).captured
         words = re.sub("[-_]+", " ", content)
-        return tuple(spoken(way, "ing") for way in ways) if ways else (f"doing {words}", f"performing {words}")
+        return tuple(conjugate(way, "ing") for way in ways) if ways else (f"doing {words}", f"performing {words}")
     verb, again = {"wave": ("waving", "swinging"), "raise-up": ("raising", "lifting up")}[match[1]]
     hands = "both hands" if match[2] == "both" else f"the {match[2]} hand"
     return f"{verb} {hands}", f"{again} {hands}"
@@ -644,11 +646,11 @@ def capture_captions(does: str, again: str, style: str) -> tuple[str, ...]:
         return f"a person is {does}", f"someone is {again}"
     word = style.replace("-", " ").replace("_", " ").lower()
     words = STYLES.get(style, Words(()))
-    how, (other, who) = f"in {a(word)} style", words.captured or (f"the {word} way", word)
+    how, (other, who) = f"in {with_article(word)} style", words.captured or (f"the {word} way", word)
     person = f"{who} person" if who else "person"
     return (
         f"a person is {does} {words.how[0] if words.captured else how}",
         f"a person is {again} {other}",
-        f"{a(person)} is {does}",
-        f"someone is {again} in {a(who or word)} way",
+        f"{with_article(person)} is {does}",
+        f"someone is {again} in {with_article(who or word)} way",
     )

@@ -165,7 +165,7 @@ def check_prompt(
     return value
 
 
-class Remembered(TextEncoder):
+class CachedEncoder(TextEncoder):
     """An encoder that encodes no sentence twice: vectors are kept in memory and on disk.
 
     encoder: whose vectors these are. folder: where they lie, in KEY.safetensors (KEY: the encoder's); left out, `text`
@@ -180,8 +180,8 @@ class Remembered(TextEncoder):
     ...         print("encodes", texts)
     ...         return torch.tensor([[float(len(text))] for text in texts])
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Remembered(Lengths(), folder).encode(["hello"])
-    ...     Remembered(Lengths(), folder).encode(["hello", "hello"])
+    ...     _ = CachedEncoder(Lengths(), folder).encode(["hello"])
+    ...     CachedEncoder(Lengths(), folder).encode(["hello", "hello"])
     encodes ['hello']
     tensor([[5.],
             [5.]])
@@ -272,22 +272,22 @@ class MiniConfig:
     size: int = 128
 
 
-def words_of(text: str) -> list[str]:
+def split_words(text: str) -> list[str]:
     """The words of a sentence in small letters, without stops.
 
-    >>> words_of("A person's arm, raised.")
+    >>> split_words("A person's arm, raised.")
     ['a', "person's", 'arm', 'raised']
     """
     return re.findall(r"[^\W_]+(?:'[^\W_]+)?", text.lower()) or ["?"]
 
 
 @lru_cache(65536)
-def pieces_of(word: str, buckets: int) -> tuple[int, ...]:
+def subwords(word: str, buckets: int) -> tuple[int, ...]:
     """Numbers of a word and of its pieces of 3 to 5 letters (as fastText, Bojanowski et al. 2017), from 1 to buckets.
 
     A word never seen so shares pieces with those seen: "walkers" with "walking". 0 is left free for padding.
 
-    >>> len(pieces_of("walk", 4096)), pieces_of("walk", 4096) == pieces_of("walk", 4096)
+    >>> len(subwords("walk", 4096)), subwords("walk", 4096) == subwords("walk", 4096)
     (10, True)
     """
     marked = f"<{word}>"
@@ -317,8 +317,8 @@ class MiniNetwork(nn.Module):
 
     def forward(self, texts: Sequence[str]) -> Tensor:
         """Sentences to unit vectors [N, E]; of one with more than 64 words the first count."""
-        words = [words_of(text)[: len(self.waves)] for text in texts]
-        pieces = [pieces_of(word, self.config.buckets) for sentence in words for word in sentence]
+        words = [split_words(text)[: len(self.waves)] for text in texts]
+        pieces = [subwords(word, self.config.buckets) for sentence in words for word in sentence]
         flat = torch.tensor([n for word in pieces for n in word], device=self.waves.device)
         starts = torch.tensor([0, *map(len, pieces)], device=flat.device).cumsum(0)[:-1]
         each = self.pieces(flat, starts).split([len(sentence) for sentence in words])
@@ -355,7 +355,7 @@ class Mini(TextEncoder):
     def load(cls, path) -> Mini:
         """From what `save` wrote; MotionKitError if the files are damaged or hold something else."""
         tensors, card = checkpoints.load(path, "text")
-        network = MiniNetwork(checkpoints.config_of(path, card, MiniConfig))
+        network = MiniNetwork(checkpoints.load_config(path, card, MiniConfig))
         checkpoints.load_into(network, tensors, path)
         return cls(network, card)
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from ..datasets import Dataset, Encoded, Split
-from ..datasets.batches import fitted
+from ..datasets import Dataset, Split
+from ..datasets.batches import FeatureCache, fit_normalizer
 from ..features import Normalizer
 from ..features.facing_free import OfBody
 from ..layers import SemanticEncoder, TransformerConfig
-from ..training import Schedule, card_of, fit
+from ..training import TrainConfig, fit, training_card
 from . import captions
 from . import captions as acted
 from . import captions as captured
@@ -43,23 +43,23 @@ def meanings(seed: int = 0) -> list[Meaning]:
     """
     styles = {captions.STYLES[style].how[0]: style for style in sorted(captions.STYLES, reverse=True)}
     return [
-        Meaning(content, style, texts_of(content, style, seed))
-        for content in sorted({*captions.DEEDS, *_HANDS})
+        Meaning(content, style, texts_for(content, style, seed))
+        for content in sorted({*captions.CONTENTS, *_HANDS})
         for style in sorted(styles.values())
     ]
 
 
-def texts_of(content: str, style: str, seed: int = 0) -> tuple[str, ...]:
+def texts_for(content: str, style: str, seed: int = 0) -> tuple[str, ...]:
     """Sentences for one content in one style, as captions of the performer and of captures have them, all different.
 
-    >>> texts_of("walk-back", "old")[-1]
+    >>> texts_for("walk-back", "old")[-1]
     'someone is stepping back in an old way'
     """
-    deed, found = captions.deed(content), ()
+    deed, found = captions.content_words(content), ()
     if deed.ways:
         found = acted.performed_captions(content.replace("-", "_"), style, seed, 6)
     if deed.captured or not deed.ways:
-        found += captured.capture_captions(*captured.doing(content), style)
+        found += captured.capture_captions(*captured.gerund(content), style)
     return tuple(dict.fromkeys(found))
 
 
@@ -95,13 +95,13 @@ class TwoTowers(nn.Module):
         return self.text(texts), nn.functional.normalize(self.motion(motion), dim=1)
 
 
-def contrast(a: Tensor, b: Tensor, same: Tensor, temperature: float = TEMPERATURE) -> Tensor:
+def info_nce(a: Tensor, b: Tensor, same: Tensor, temperature: float = TEMPERATURE) -> Tensor:
     """How far each a [N, E] is from telling its b [M, E], M of at least N, from the others (InfoNCE, Oord et al. 2018).
 
     same: bool [N, M], pairs that mean the same, which are no mistakes and do not count. Vectors have length 1.
 
     >>> a = torch.eye(3)
-    >>> bool(contrast(a, a, torch.zeros(3, 3).bool()) < contrast(a, a.roll(1, 0), torch.zeros(3, 3).bool()))
+    >>> bool(info_nce(a, a, torch.zeros(3, 3).bool()) < info_nce(a, a.roll(1, 0), torch.zeros(3, 3).bool()))
     True
     """
     scores = a @ b.T / temperature
@@ -111,7 +111,7 @@ def contrast(a: Tensor, b: Tensor, same: Tensor, temperature: float = TEMPERATUR
 
 
 def train_text(
-    data: Dataset | Split, config: MiniConfig | None = None, schedule: Schedule | None = None, **running
+    data: Dataset | Split, config: MiniConfig | None = None, schedule: TrainConfig | None = None, **running
 ) -> Mini:
     """The kit's text encoder, from a dataset's captions and motions, and from sentences about all contents and styles.
 
@@ -120,17 +120,20 @@ def train_text(
     holds how often, on the test part, the right one of 32 is found. running: as in `training.fit`.
     """
     split = data.split() if isinstance(data, Dataset) else data
-    schedule = schedule or Schedule(STEPS, rate=1e-3, decay=1e-2)
-    encoded, normalizer = fitted(split.train)
+    schedule = schedule or TrainConfig(STEPS, rate=1e-3, decay=1e-2)
+    encoded, normalizer = fit_normalizer(split.train)
     torch.manual_seed(schedule.seed)
     towers = TwoTowers(encoded.layout.size, config or MiniConfig())
     run = fit(towers, _loss(split.train, encoded, normalizer), schedule, **running)
     made = Mini(towers.text)
-    made.card = {**card_of(split.train, schedule, run, towers.text), "metrics": _metrics(towers, split, normalizer)}
+    made.card = {
+        **training_card(split.train, schedule, run, towers.text),
+        "metrics": _metrics(towers, split, normalizer),
+    }
     return made
 
 
-def _loss(train: Dataset, encoded: Encoded, normalizer: Normalizer) -> Callable[[nn.Module, int], Tensor]:
+def _loss(train: Dataset, encoded: FeatureCache, normalizer: Normalizer) -> Callable[[nn.Module, int], Tensor]:
     said, classes = [clip.texts for clip in train], _classes(train)
     known = meanings()
 
@@ -150,9 +153,9 @@ def _loss(train: Dataset, encoded: Encoded, normalizer: Normalizer) -> Callable[
         everything = nn.functional.pad(same, (0, NONSENSE))
         own = torch.cat((first, text[2 * len(pairs) :]))
         return (
-            contrast(first, rest, everything)
-            + contrast(seen, own, everything[:BATCH])
-            + contrast(first[:BATCH], seen, same[:BATCH, :BATCH])
+            info_nce(first, rest, everything)
+            + info_nce(seen, own, everything[:BATCH])
+            + info_nce(first[:BATCH], seen, same[:BATCH, :BATCH])
         )
 
     return loss_of
@@ -171,7 +174,7 @@ def _classes(data: Dataset) -> list[tuple[str, str]]:
 
 @torch.no_grad()
 def _metrics(towers: TwoTowers, split: Split, normalizer: Normalizer) -> dict[str, float]:
-    from ..metrics import recalls
+    from ..metrics import recall_at_k
 
     layout = OfBody()
     motion = torch.stack([normalizer.normalize(layout.encode(clip.motion)[:FRAMES]) for clip in split.test])
@@ -180,6 +183,6 @@ def _metrics(towers: TwoTowers, split: Split, normalizer: Normalizer) -> dict[st
     b = towers.text([clip.texts[1] for clip in split.test])
     seen = nn.functional.normalize(towers.motion(motion), dim=1)
     return {
-        "sentence_by_sentence_r1": recalls(a, b, groups)["r1"],
-        "sentence_by_motion_r1": recalls(seen, a, groups)["r1"],
+        "sentence_by_sentence_r1": recall_at_k(a, b, groups)["r1"],
+        "sentence_by_motion_r1": recall_at_k(seen, a, groups)["r1"],
     }

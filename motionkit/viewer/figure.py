@@ -134,7 +134,7 @@ def _figure(motion: object, role: str | None, index: int) -> Figure:
         0.058 * height,
         tuple(limb_colours(skeleton.sides, colour)),
         role_colour(role, index),
-        lefts(points[:1], skeleton.sides, parents)[0],
+        left_mask(points[:1], skeleton.sides, parents)[0],
     )
 
 
@@ -185,7 +185,7 @@ def _head(names: Sequence[str], parents: Sequence[int]) -> int:
     return found[0] if found else -1
 
 
-def lefts(points: np.ndarray, sides: Sequence[str], parents: Sequence[int]) -> np.ndarray:
+def left_mask(points: np.ndarray, sides: Sequence[str], parents: Sequence[int]) -> np.ndarray:
     """[F, 3] unit vectors on the floor to the body's left, frame by frame; +X without sides. points: [F, J, 3].
 
     Only joints where a limb meets the midline count: hands and feet swing back and forth.
@@ -329,7 +329,7 @@ def draw_floor(ax: object, axes: np.ndarray, middle: np.ndarray, reach: float, t
     ax.add_collection(PolyCollection(shapes, facecolors=fills, edgecolors="none", zorder=0))
 
 
-class Pictured:
+class StillWidget:
     """To be named before a widget's class: beside the live widget stands `still()`, the bytes of a PNG.
 
     about: what a terminal is told, a noun.
@@ -348,7 +348,7 @@ class Pictured:
 STEPS = 32767
 
 
-def pack(
+def encode_scene(
     figures: Sequence[Figure],
     *,
     labels: Sequence[str | None],
@@ -413,7 +413,7 @@ def _join(head: dict, blocks: Sequence[bytes]) -> bytes:
     return len(text).to_bytes(4, "little") + text + b"".join(blocks)
 
 
-def unpack(data: bytes) -> tuple[dict, list[np.ndarray]]:
+def decode_scene(data: bytes) -> tuple[dict, list[np.ndarray]]:
     """The header and each motion's positions [F, J, 3]: what the browser reads, for tests and tools."""
     length = int.from_bytes(data[:4], "little")
     head = json.loads(data[4 : 4 + length])

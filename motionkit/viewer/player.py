@@ -15,7 +15,7 @@ import traitlets
 
 from ..errors import MotionKitError
 from ..files import write_atomic
-from .figure import as_list, contact_marks, figures, inline, pack, per_motion
+from .figure import as_list, contact_marks, encode_scene, figures, inline, per_motion
 
 _JS = Path(__file__).parent / "js"
 _PARTS = ("stage.js", "camera.js", "shaders.js", "gl.js", "flat.js", "view.js")
@@ -50,7 +50,7 @@ def prepare(
         given = [contacts]
     given = per_motion(given, len(made), "contacts")
     marks = [contact_marks(f, _feet(m, c)) for m, f, c in zip(found, made, given)]
-    return pack(made, labels=texts, trails=trails, contacts=marks)
+    return encode_scene(made, labels=texts, trails=trails, contacts=marks)
 
 
 def _feet(motion: object, given: object) -> object:

@@ -11,12 +11,12 @@ from matplotlib.figure import Figure as Picture
 
 from ..errors import MotionKitError
 from . import colours
-from .figure import TURN, Figure, as_list, draw_figure, draw_floor, figures, lefts, per_motion, view_axes
+from .figure import TURN, Figure, as_list, draw_figure, draw_floor, figures, left_mask, per_motion, view_axes
 
 INK, SOFT = "#39424e", "#7a8491"
 
 
-class Print(Picture):
+class StaticFigure(Picture):
     """A matplotlib Figure that notebooks show by itself, without pyplot and the figures it keeps."""
 
     def _repr_png_(self) -> bytes:
@@ -226,7 +226,7 @@ def plot_trajectory(
     ax, picture = _axes(ax, (4.2, 4.2))
     texts = _labels(motions, labels, roles)
     for motion, figure, text in zip(as_list(motions), figures(motions, roles=roles, layout="overlay"), texts):
-        _path(ax, figure, lefts(figure.points, motion.skeleton.sides, figure.parents), text, every)
+        _path(ax, figure, left_mask(figure.points, motion.skeleton.sides, figure.parents), text, every)
     ax.set_xlabel("x (m)")
     ax.set_ylabel("z (m)")
     ax.set_aspect("equal", adjustable="datalim")
@@ -297,7 +297,7 @@ def _axes(ax: object, inches: tuple[float, float]) -> tuple[object, object]:
     """Given axes, or those of a new figure."""
     if ax is not None:
         return ax, ax.figure
-    picture = Print(figsize=inches, dpi=110, layout="constrained")
+    picture = StaticFigure(figsize=inches, dpi=110, layout="constrained")
     return picture.add_subplot(), picture
 
 

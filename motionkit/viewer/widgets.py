@@ -15,11 +15,11 @@ import torch
 import traitlets
 
 from ..errors import MotionKitError
-from ..methods.style_erd_stream import turned, yawed
+from ..methods.style_erd_stream import rotate_quaternion_y, rotate_y
 from ..motion import Motion
-from .figure import Pictured, figures, pack
+from .figure import StillWidget, encode_scene, figures
 from .player import _JS, script
-from .plots import INK, Print, few_colours, strip, style_axes
+from .plots import INK, StaticFigure, few_colours, strip, style_axes
 
 _RAW, _SMOOTH = "#b9cfe4", "#2b6ca8"
 _SHARE = 0.05  # of the time that a training run may spend on pictures
@@ -117,9 +117,9 @@ class LossCurve:
         )
         return np.divide(sums, weights, out=np.full(len(losses), np.nan), where=weights > 0)
 
-    def figure(self) -> Print:
+    def figure(self) -> StaticFigure:
         """The curve so far as a matplotlib Figure."""
-        picture = Print(figsize=(6.4, 2.7), dpi=100)
+        picture = StaticFigure(figsize=(6.4, 2.7), dpi=100)
         ax = picture.add_axes((0.09, 0.17, 0.89, 0.72))
         losses, smoothed = np.asarray(self.losses, dtype=float), self.smoothed()
         kept = np.unique(np.linspace(0, max(len(losses) - 1, 0), min(len(losses), _DRAWN)).astype(int))
@@ -226,8 +226,8 @@ class Endless:
         share = 1.0 if self._to is self._start else min(1.0, (n + 1) / self._seam)
         turns, places = _between(self._from, self._turns[n], share * share * (3 - 2 * share)), self._places[n].copy()
         turns = turns.copy()
-        turns[0] = yawed(self._turn, turns[None, 0])[0]
-        root = turned(self._turn, (places[None, :1] - self._start).astype(np.float32))[0, 0] + self._to
+        turns[0] = rotate_quaternion_y(self._turn, turns[None, 0])[0]
+        root = rotate_y(self._turn, (places[None, :1] - self._start).astype(np.float32))[0, 0] + self._to
         places[0] = root
         self._frame += 1
         if self._frame == len(self._turns):
@@ -238,7 +238,7 @@ class Endless:
         """Begin anew, facing the way that it faces."""
         gain = self._yaw[-1] - self._yaw[0]
         self._from = self._turns[-1].copy()
-        self._from[0] = yawed(np.float32([-gain]), self._from[None, 0])[0]  # as seen from the beginning
+        self._from[0] = rotate_quaternion_y(np.float32([-gain]), self._from[None, 0])[0]  # as seen from the beginning
         self._turn, self._frame, self._to = np.float32(self._turn + gain), 0, root * [1, 0, 1]
 
 
@@ -251,7 +251,7 @@ def _between(a: np.ndarray, b: np.ndarray, share: float) -> np.ndarray:
     return mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
 
 
-class Live(Pictured, anywidget.AnyWidget):
+class Live(StillWidget, anywidget.AnyWidget):
     """A content and the same content in a style, live: every frame is restyled alone and drawn at once.
 
     At the right a dial of all styles; a pad on which left and right mix two of them and up is more; and how much of it
@@ -305,7 +305,7 @@ class Live(Pictured, anywidget.AnyWidget):
         before = seen.positions()[0, 0].numpy()
         self._beside, self._like = [np.float32(f.points[0, 0] - before) * [1, 0, 1] for f in made], seen
         self._drawn_at, self._sent, self._seen, self._clock, self._task = np.zeros(3), 0, 0, {}, None
-        data = pack(made, labels=["content", left])
+        data = encode_scene(made, labels=["content", left])
         super().__init__(_data=data, styles=list(model.styles), left=left, right=right, height=height)
         self.observe(self._wish, ["left", "right", "mix", "strength"])
         self.on_msg(self._heard)
@@ -397,7 +397,7 @@ class Live(Pictured, anywidget.AnyWidget):
         """Content and result of the last two seconds, as the bytes of a PNG."""
         while len(self._kept) < round(1.5 * self._model.fps):
             self.step()
-        picture, raw = Print(figsize=(8.6, 3.8), dpi=100), io.BytesIO()
+        picture, raw = StaticFigure(figsize=(8.6, 3.8), dpi=100), io.BytesIO()
         labels = ["content", self.left if self.mix <= 0.5 else self.right]
         axes = picture.add_axes((0, 0.02, 1, 0.96))
         strip([self.content, self.result], poses=9, labels=labels, roles=["content", "result"], ax=axes)
