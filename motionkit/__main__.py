@@ -147,10 +147,13 @@ def _info(args: argparse.Namespace) -> None:
         print(f"space, metres: {ranges}")
     moving = sum(any(c.endswith("position") for c in channels) for channels in skeleton.channels)
     print(f"joints with position channels: {moving}; body root: {skeleton.names[skeleton.pelvis]}")
-    print("left and right:", "told by the names" if skeleton.twins else "NOT told by the names (mirror needs twins=)")
+    print(
+        "left and right:",
+        "told by the names" if skeleton.mirror_joints else "NOT told by the names (mirror needs mirror_joints=)",
+    )
     for joint, name in enumerate(skeleton.names):
         role = next((r for r, j in skeleton.roles.items() if j == joint), "")
-        print(f"  {joint:3d} {'  ' * (len(skeleton.chain(joint)) - 1)}{name:<20} {skeleton.sides[joint]:<7} {role}")
+        print(f"  {joint:3d} {'  ' * (len(skeleton.ancestors(joint)) - 1)}{name:<20} {skeleton.sides[joint]:<7} {role}")
 
 
 def _play(args: argparse.Namespace) -> None:
@@ -220,7 +223,7 @@ def _learn(args: argparse.Namespace) -> None:
     output = _fresh(args.output, ".safetensors", [args.style])
     library = datasets.load(args.prior, args.root).split().train if args.root else None
     method = methods.load("few-shot", prior=args.prior, library=library, seed=args.seed)
-    method = method.having(steps=args.steps) if args.steps else method
+    method = method.with_recipe(steps=args.steps) if args.steps else method
     learned = method.learn(load(args.style, args.metres_per_unit), args.prompt, keep=output.with_suffix(".run"))
     print(learned.save(output))
 

@@ -817,7 +817,7 @@ def _to_motion(header: Header, values: np.ndarray, scale: float | None, fps: flo
     unit = guess_metres_per_unit(skeleton) if scale is None else float(scale)
     if unit != 1.0:
         ends = tuple((j, tuple(x * unit for x in offset)) for j, offset in header.end_sites)
-        skeleton = Skeleton(names, parents, (offsets * unit).float(), channels, ends, skeleton.twins)
+        skeleton = Skeleton(names, parents, (offsets * unit).float(), channels, ends, skeleton.mirror_joints)
     frames, joints = len(values), len(names)
     rotations = torch.empty(frames, joints, 4)
     translations = skeleton.offsets.expand(frames, -1, -1).clone()

@@ -174,7 +174,7 @@ def lock_feet(
     places = motion.positions()
     targets = []
     for _, _, ankle in legs:
-        mine = [k for k, j in enumerate(joints) if ankle in motion.skeleton.chain(j)]
+        mine = [k for k, j in enumerate(joints) if ankle in motion.skeleton.ancestors(j)]
         foot, stands = places[:, [joints[k] for k in mine]], contacts[:, mine]
         across = _corrections(foot[..., [0, 2]], stands, blend)
         up = _height_corrections(foot[..., 1], stands, blend)

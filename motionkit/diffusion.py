@@ -55,13 +55,13 @@ class NoiseSchedule:
         bar = torch.cos((at + 0.008) / 1.008 * math.pi / 2) ** 2
         return cls.of_betas((1 - bar[1:] / bar[:-1]).clamp(max=0.999))
 
-    def louder(self, times: float) -> NoiseSchedule:
+    def snr_shift(self, times: float) -> NoiseSchedule:
         """The same with noise that is `times` as loud beside the signal at every step (Hoogeboom et al. 2023, shifted).
 
         What many numbers say together, such as how fast a walk is, shows through a lot of noise: at the plain cosine's
         step 950 of 1000 already. A louder schedule gives the steps before that more room.
 
-        >>> NoiseSchedule.cosine().louder(6)
+        >>> NoiseSchedule.cosine().snr_shift(6)
         NoiseSchedule(1000 steps; half of the variance is noise from step 99 on)
         """
         if not (math.isfinite(times) and times > 0):
@@ -69,13 +69,13 @@ class NoiseSchedule:
         bar = self.alphas_bar.double()
         return NoiseSchedule(bar / (bar + (1 - bar) * times**2))
 
-    def step_like(self, step: int, other: NoiseSchedule) -> int:
+    def matching_step(self, step: int, other: NoiseSchedule) -> int:
         """The step, of 1 to T, whose noise is as loud beside the signal as that of a step of another schedule, nearly.
 
         Papers give steps of their own schedule; those of a `louder` one have other numbers.
 
         >>> plain = NoiseSchedule.cosine()
-        >>> [plain.louder(6).step_like(step, plain) for step in (50, 300, 950)]
+        >>> [plain.snr_shift(6).matching_step(step, plain) for step in (50, 300, 950)]
         [5, 48, 719]
         """
         wanted = other.at(other.log_snr, step, torch.zeros(1, dtype=torch.float64), least=1)

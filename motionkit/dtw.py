@@ -4,7 +4,7 @@
 >>> walk = mk.load("data/actor/walk_neutral.bvh")
 >>> t = torch.linspace(0, 1, 120)
 >>> uneven = 119 * (t + 0.08 * torch.sin(2 * torch.pi * t))  # first faster, then slower
->>> bool((align(walk.at(uneven), walk) - uneven).abs().max() < 1)
+>>> bool((align(walk.sample(uneven), walk) - uneven).abs().max() < 1)
 True
 """
 
@@ -122,7 +122,7 @@ def warp(path: Tensor, even: float = 0.0) -> Tensor:
 
     path: pairs [P, 2] of `dtw`. Where several go with one frame, it is their mean. even: standard deviation in frames
     of a Gaussian over the result, so that the second clip does not stop and start; it never runs backwards either way.
-    `motion.at(warp(path))` is the second clip in the time of the first.
+    `motion.sample(warp(path))` is the second clip in the time of the first.
 
     >>> warp(torch.tensor([[0, 0], [1, 1], [1, 2], [2, 3]]))
     tensor([0.0000, 1.5000, 3.0000])
@@ -180,7 +180,7 @@ def align(reference: Motion, other: Motion, segment: bool = False) -> Tensor:
     """For each frame of the reference the frame of another clip in which the same is done: fractional numbers [F].
 
     Both on one skeleton tree and at one frame rate. segment: the other clip holds more than the reference; the best
-    piece of it is taken. `other.at(align(reference, other))` is the other in the reference's time. Raises
+    piece of it is taken. `other.sample(align(reference, other))` is the other in the reference's time. Raises
     MotionKitError where the two cannot be compared.
 
     >>> import motionkit as mk

@@ -38,7 +38,7 @@ def prepare(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
     """
     if not isinstance(motion, Motion):
         raise MotionKitError(f"{who} judges motions; found {motion!r}{motion_inside(motion)}")
-    body = in_order(motion.body(), skeleton)
+    body = in_order(motion.without_helper_joints(), skeleton)
     if not body.skeleton.same_tree(skeleton):
         odd = sorted(set(body.skeleton.names) ^ set(skeleton.names)) or ["the joints' parents"]
         raise MotionKitError(
@@ -84,7 +84,7 @@ def joint_rotations(motion: Motion) -> Tensor:
     torch.Size([120, 22, 4])
     """
     body, turns = canonicalize(motion), motion.rotations.clone()
-    for joint in motion.skeleton.chain(motion.skeleton.pelvis):
+    for joint in motion.skeleton.ancestors(motion.skeleton.pelvis):
         turns[:, joint] = rot.quaternion_multiply(rot.yaw_to_quaternion(-body.yaw), body.world[:, joint])
     return rot.quaternion_canonical(turns).float()
 
@@ -380,7 +380,7 @@ def _fresh(label: str, split: Split, config: StGcnConfig | None, window: int, mo
     labels = train.vocabulary[label]
     if len(train.contents if label == "content" else train.styles) < 2:
         raise MotionKitError(f"dataset {train.name!r} has one {label} only; there is nothing to tell apart")
-    motion = train[0].motion.body()
+    motion = train[0].motion.without_helper_joints()
     network = StGcn(6 if moving else 3, len(labels), motion.skeleton, config)
     return Classifier(network, label, labels, motion.skeleton, motion.fps, window, moving)
 
@@ -391,7 +391,7 @@ def _loss(frames: FeatureCache, classes: Tensor, window: int) -> Callable[[nn.Mo
     usable = {n: frames.lengths >= min(n, int(frames.lengths.max())) for n in lengths}
     members = {n: [torch.nonzero((classes == c) & ok)[:, 0] for c in classes.unique()] for n, ok in usable.items()}
 
-    def loss_of(network: nn.Module, step: int) -> Tensor:
+    def loss_fn(network: nn.Module, step: int) -> Tensor:
         length = lengths[int(torch.randint(len(lengths), ()))]
         groups = [group for group in members[length] if len(group)]
         chosen = torch.arange(BATCH) % len(groups)
@@ -400,7 +400,7 @@ def _loss(frames: FeatureCache, classes: Tensor, window: int) -> Callable[[nn.Mo
         here = device_of(network)
         return nn.functional.cross_entropy(network(x.permute(0, 3, 1, 2).to(here)), classes[clips].to(here))
 
-    return loss_of
+    return loss_fn
 
 
 def train_autoencoder(data: Dataset | Split, schedule: TrainConfig | None = None, **running) -> MotionAutoencoder:
@@ -411,18 +411,18 @@ def train_autoencoder(data: Dataset | Split, schedule: TrainConfig | None = None
     """
     split = data.split() if isinstance(data, Dataset) else data
     schedule = schedule or TrainConfig(STEPS["autoencoder"])
-    skeleton, fps = split.train[0].motion.body().skeleton, split.train[0].motion.fps
+    skeleton, fps = split.train[0].motion.without_helper_joints().skeleton, split.train[0].motion.fps
     torch.manual_seed(schedule.seed)
     network = DenoisingAutoencoder(len(skeleton))
     encoder = MotionAutoencoder(network, skeleton, fps)
     frames = FeatureCache(split.train, encoder)
     enough = torch.nonzero(frames.lengths >= min(WINDOW, int(frames.lengths.max())))[:, 0]
 
-    def loss_of(model: nn.Module, step: int) -> Tensor:
+    def loss_fn(model: nn.Module, step: int) -> Tensor:
         clips = enough[torch.randint(len(enough), (BATCH,))]
         return denoising_loss(model, frames.draw(clips, min(WINDOW, int(frames.lengths.max()))).to(device_of(model)))
 
-    run = fit(network, loss_of, schedule, **running)
+    run = fit(network, loss_fn, schedule, **running)
     unseen = FeatureCache(split.test, encoder)
     there = torch.nonzero(unseen.lengths >= WINDOW)[:, 0]
     with torch.no_grad():

@@ -478,7 +478,7 @@ def trajectory_similarity(result: Motion, content: Motion) -> float:
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> trajectory_similarity(walk.moved(1.0, (3.0, 0.0, 1.0)), walk) < 1e-5
+    >>> trajectory_similarity(walk.transform(1.0, (3.0, 0.0, 1.0)), walk) < 1e-5
     True
     """
     for motion in (result, content):
@@ -486,7 +486,7 @@ def trajectory_similarity(result: Motion, content: Motion) -> float:
     if len(result) != len(content):
         raise MotionKitError(
             f"trajectory similarity: the result has {len(result)} frames and the content {len(content)}; compare "
-            "frames of the same moments, as result.at(times) gives them"
+            "frames of the same moments, as result.sample(times) gives them"
         )
     paths = [motion.at_origin().root_path() for motion in (result, content)]
     return float(torch.linalg.vector_norm(paths[0] - paths[1], dim=-1).mean())
@@ -625,7 +625,7 @@ def bone_length_error(motion: Motion) -> float:
     >>> bone_length_error(mk.load("data/actor/walk_neutral.bvh")) < 0.01
     True
     """
-    motion = needs_motion("bone length error", motion).body()
+    motion = needs_motion("bone length error", motion).without_helper_joints()
     if len(motion.skeleton) < 2:
         return 0.0
     places, parents = motion.positions().double(), list(motion.skeleton.parents[1:])
@@ -770,7 +770,8 @@ def truth_error(
     >>> from motionkit import actor
     >>> walk = actor.perform("walk", seed=1, seconds=4)
     >>> old = actor.retell(walk, "old")
-    >>> float(truth_error(old.along(walk), old, walk).max()), bool(truth_error(walk.motion, old, walk).mean() > 50)
+    >>> aligned = old.time_aligned(walk)
+    >>> float(truth_error(aligned, old, walk).max()), bool(truth_error(walk.motion, old, walk).mean() > 50)
     (0.0, True)
     """
     _check(result, truth, content)
@@ -780,7 +781,7 @@ def truth_error(
             f"truth_error: the result has {len(result)} frames and {len(times)} are known by their beats; a method "
             "with a timing of its own gives beats= [F]"
         )
-    wanted = truth.motion.at(truth.frames_at(times))
+    wanted = truth.motion.sample(truth.frames_at(times))
     names = wanted.skeleton.names
     order = [result.skeleton.index(name) for name in names]
     places, answer = result.positions()[:, order], wanted.positions()

@@ -164,9 +164,9 @@ class Motion:
             return self.replace(fps=float(fps))
         count = int((len(self) - 1) / self.fps * fps + 1e-6) + 1
         times = torch.arange(count, dtype=torch.float64) * (self.fps / fps)
-        return self.at(times, smooth).replace(fps=float(fps))
+        return self.sample(times, smooth).replace(fps=float(fps))
 
-    def at(self, frames: Tensor, smooth: bool = False) -> Motion:
+    def sample(self, frames: Tensor, smooth: bool = False) -> Motion:
         """The motion read at fractional frame numbers [N], clamped to its ends; slerp in between.
 
         smooth: by cubic splines through all frames instead (of quaternions, made unit again).
@@ -192,7 +192,7 @@ class Motion:
         moved = torch.lerp(self.translations[low], self.translations[high], t[..., None])
         return self.replace(rotations=turned, translations=moved)
 
-    def moved(self, yaw: Tensor | float = 0.0, offset: Sequence[float] | Tensor = (0.0, 0.0, 0.0)) -> Motion:
+    def transform(self, yaw: Tensor | float = 0.0, offset: Sequence[float] | Tensor = (0.0, 0.0, 0.0)) -> Motion:
         """The motion turned about the world's Y axis by `yaw` radians, then shifted by `offset` metres."""
         turn = rot.yaw_to_quaternion(torch.as_tensor(yaw, dtype=self.rotations.dtype))
         rotations, translations = self.rotations.clone(), self.translations.clone()
@@ -205,22 +205,22 @@ class Motion:
         """The motion moved so that it starts above the origin, facing +Z."""
         if not len(self):
             return self
-        turned = self.moved(-self[:1].facing()[0])
+        turned = self.transform(-self[:1].facing()[0])
         start = turned[:1].root_path()[0]
-        return turned.moved(offset=(-float(start[0]), 0.0, -float(start[1])))
+        return turned.transform(offset=(-float(start[0]), 0.0, -float(start[1])))
 
-    def body(self) -> Motion:
+    def without_helper_joints(self) -> Motion:
         """The motion without helper joints above the pelvis (say, one on the ground)."""
         pelvis = self.skeleton.pelvis
         if pelvis == 0:
             return self
-        keep = self.skeleton.below(pelvis)
+        keep = self.skeleton.descendants(pelvis)
         rotations, translations = self.rotations[:, keep].clone(), self.translations[:, keep].clone()
         rotations[:, 0] = self.world_rotations()[:, pelvis]
         translations[:, 0] = self.positions()[:, pelvis]
-        return self.replace(skeleton=self.skeleton.part(keep), rotations=rotations, translations=translations)
+        return self.replace(skeleton=self.skeleton.subtree(keep), rotations=rotations, translations=translations)
 
-    def with_body(self, body: Motion) -> Motion:
+    def with_helper_joints_of(self, body: Motion) -> Motion:
         """The inverse of `body`: helper joints as they are here, the rest from `body`, frame by frame."""
         pelvis = self.skeleton.pelvis
         if pelvis == 0:
@@ -228,21 +228,21 @@ class Motion:
         above = self.skeleton.parents[pelvis]
         back = rot.quaternion_inverse(self.world_rotations()[:, above])
         rotations, translations = self.rotations.clone(), self.translations.clone()
-        keep = self.skeleton.below(pelvis)
+        keep = self.skeleton.descendants(pelvis)
         rotations[:, keep], translations[:, keep] = body.rotations, body.translations
         rotations[:, pelvis] = rot.quaternion_multiply(back, body.rotations[:, 0])
         from_above = body.translations[:, 0] - self.positions()[:, above]
         translations[:, pelvis] = rot.quaternion_rotate(back, from_above)
         return self.replace(rotations=rotations, translations=translations)
 
-    def mirror(self, twins: Sequence[int] | None = None) -> Motion:
+    def mirror(self, mirror_joints: Sequence[int] | None = None) -> Motion:
         """Left and right exchanged: the motion as a mirror in the plane x = 0 shows it.
 
-        twins: for each joint its mirror twin, where the names do not tell. Raises MotionKitError where
+        mirror_joints: for each joint its mirror twin, where the names do not tell. Raises MotionKitError where
         neither tells left from right, or a bone is no mirror image of its twin. See `mirroring`.
         """
 
-        return mirror(self, twins)
+        return mirror(self, mirror_joints)
 
 
 def facing_of(skeleton: Skeleton, positions: Tensor, world: Tensor | None = None) -> Tensor:
@@ -273,7 +273,7 @@ def _splined(rows: Tensor, times: Tensor) -> Tensor:
 
 
 def left_right_pairs(skeleton: Skeleton) -> list[tuple[int, int]]:
-    """The (left, right) joints that tell where a body faces: hips and shoulders, or else every pair of twins.
+    """The (left, right) joints that tell where a body faces: hips and shoulders, or else every pair of mirror joints.
 
     >>> left_right_pairs(Skeleton(("a", "LeftHip", "RightHip"), (-1, 0, 0), torch.zeros(3, 3)))
     [(1, 2)]
@@ -281,9 +281,9 @@ def left_right_pairs(skeleton: Skeleton) -> list[tuple[int, int]]:
     roles = skeleton.roles
     named = [(roles.get(f"left_{r}"), roles.get(f"right_{r}")) for r in ("hip", "shoulder")]
     found = [(a, b) for a, b in named if a is not None and b is not None]
-    if found or skeleton.twins is None:
+    if found or skeleton.mirror_joints is None:
         return found
-    return [(n, t) for n, t in enumerate(skeleton.twins) if skeleton.sides[n] == "left"]
+    return [(n, t) for n, t in enumerate(skeleton.mirror_joints) if skeleton.sides[n] == "left"]
 
 
 def concatenate(motions: Sequence[Motion]) -> Motion:
@@ -319,10 +319,10 @@ _FLIPS = torch.tensor([[-1.0, 1, 1], [1, -1, 1], [1, 1, -1], [-1, -1, -1]], dtyp
 _OFFSET_COST, _HELPER_COST, _UPSIDE_DOWN_COST, _CHANGE_COST = 100.0, 20.0, 0.1, 1e-3
 
 
-def mirror(motion: Motion, twins: Sequence[int] | None = None) -> Motion:
+def mirror(motion: Motion, mirror_joints: Sequence[int] | None = None) -> Motion:
     """Left and right exchanged in the plane x = 0; mirroring twice gives the motion back.
 
-    twins: for each joint the number of its mirror twin, itself on the midline; left out, the skeleton's
+    mirror_joints: for each joint the number of its mirror twin, itself on the midline; left out, the skeleton's
     own. Differentiable in rotations and translations. Raises MotionKitError if left and right cannot be
     told, or if a bone is no mirror image of its twin.
 
@@ -333,37 +333,38 @@ def mirror(motion: Motion, twins: Sequence[int] | None = None) -> Motion:
     tensor([-0.5000,  1.0000,  0.0000])
     """
     skeleton = motion.skeleton
-    twins = _checked_twins(skeleton, twins)
+    mirror_joints = _checked_mirror_joints(skeleton, mirror_joints)
     if not len(motion):
         return motion
-    chosen = _choose_flips(motion, twins)
-    _check_bones(motion, twins, chosen)
+    chosen = _choose_flips(motion, mirror_joints)
+    _check_bones(motion, mirror_joints, chosen)
     flips = _FLIPS[chosen].to(motion.rotations)
     above = torch.cat((_FLIPS[:1].to(flips), flips[list(skeleton.parents[1:])]))  # [J, 3]
     return motion.replace(
-        rotations=_mirror_rotations(motion.rotations[:, list(twins)], above, flips),
-        translations=_mirror_translations(motion, twins, above),
+        rotations=_mirror_rotations(motion.rotations[:, list(mirror_joints)], above, flips),
+        translations=_mirror_translations(motion, mirror_joints, above),
     )
 
 
-def _checked_twins(skeleton: Skeleton, given: Sequence[int] | None) -> tuple[int, ...]:
-    """The twins, made sure of: they pair up, and so do their parents."""
-    twins = tuple(int(t) for t in (given if given is not None else skeleton.twins or ()))
+def _checked_mirror_joints(skeleton: Skeleton, given: Sequence[int] | None) -> tuple[int, ...]:
+    """The mirror joints, made sure of: they pair up, and so do their parents."""
+    mirror_joints = tuple(int(t) for t in (given if given is not None else skeleton.mirror_joints or ()))
     nobody = given is None and set(skeleton.sides) == {"middle"} and max(map(len, skeleton.children)) > 1
-    in_range = len(twins) == len(skeleton) and all(0 <= t < len(skeleton) for t in twins)
-    if nobody or not in_range or any(twins[t] != n for n, t in enumerate(twins)):
+    in_range = len(mirror_joints) == len(skeleton) and all(0 <= t < len(skeleton) for t in mirror_joints)
+    if nobody or not in_range or any(mirror_joints[t] != n for n, t in enumerate(mirror_joints)):
         raise MotionKitError(
-            f"cannot tell left from right on {', '.join(skeleton.names[:8])}, ...: give twins=[...], for "
+            f"cannot tell left from right on {', '.join(skeleton.names[:8])}, ...: give mirror_joints=[...], for "
             "each joint the number of its mirror twin (itself on the midline)"
         )
     for joint, parent in enumerate(skeleton.parents):
-        if parent >= 0 and twins[parent] != skeleton.parents[twins[joint]]:
+        if parent >= 0 and mirror_joints[parent] != skeleton.parents[mirror_joints[joint]]:
             names = skeleton.names
             raise MotionKitError(
-                f"joints {names[joint]!r} and {names[twins[joint]]!r} are mirror twins, but their parents "
-                f"{names[parent]!r} and {names[skeleton.parents[twins[joint]]]!r} are not: give other twins"
+                f"joints {names[joint]!r} and {names[mirror_joints[joint]]!r} mirror each other, but their parents "
+                f"{names[parent]!r} and {names[skeleton.parents[mirror_joints[joint]]]!r} do not: give other "
+                "mirror_joints"
             )
-    return twins
+    return mirror_joints
 
 
 def _mirror_rotations(twin: Tensor, above: Tensor, flips: Tensor) -> Tensor:
@@ -379,28 +380,28 @@ def _mirror_rotations(twin: Tensor, above: Tensor, flips: Tensor) -> Tensor:
     return rot.quaternion_unroll(rot.quaternion_multiply(seen, rest))
 
 
-def _mirror_translations(motion: Motion, twins: tuple[int, ...], above: Tensor) -> Tensor:
+def _mirror_translations(motion: Motion, mirror_joints: tuple[int, ...], above: Tensor) -> Tensor:
     """The twin's translations [F, J, 3] in the mirror; joints without position channels keep their offset."""
     skeleton = motion.skeleton
     placed = [any(c.endswith("position") for c in channels) for channels in skeleton.channels]
-    fixed = [n > 0 and not placed[n] and not placed[t] for n, t in enumerate(twins)]
+    fixed = [n > 0 and not placed[n] and not placed[t] for n, t in enumerate(mirror_joints)]
     base = skeleton.offsets.to(motion.translations) * torch.tensor(fixed)[:, None]
-    return base + above * (motion.translations - base)[:, list(twins)]
+    return base + above * (motion.translations - base)[:, list(mirror_joints)]
 
 
-def _choose_flips(motion: Motion, twins: tuple[int, ...]) -> Tensor:
+def _choose_flips(motion: Motion, mirror_joints: tuple[int, ...]) -> Tensor:
     """For each joint the number of its flip [J]: the labelling of the tree that costs least, found exactly.
 
     Costs add up from the leaves to the root; then each joint takes the flip that is best under its parent's.
     """
     skeleton = motion.skeleton
     local = rot.quaternion_to_matrix(motion.rotations.detach().double())
-    cost = _OFFSET_COST * _offset_misfit(skeleton, twins) ** 2  # [J, 4]
+    cost = _OFFSET_COST * _offset_misfit(skeleton, mirror_joints) ** 2  # [J, 4]
     up = local[:, 0, 1]  # the world's up as the root sees it, [F, 3]; a mirror leaves it up
     cost[0] += _UPSIDE_DOWN_COST * ((up[:, None] * _FLIPS - up[:, None]) ** 2).sum(-1).mean(0)
     cost[0, 1:] += _CHANGE_COST
-    cost[list(skeleton.chain(skeleton.pelvis)[:-1]), 1:] += _HELPER_COST
-    alike = (local * local[:, list(twins)]).mean(0)  # [J, 3, 3]
+    cost[list(skeleton.ancestors(skeleton.pelvis)[:-1]), 1:] += _HELPER_COST
+    alike = (local * local[:, list(mirror_joints)]).mean(0)  # [J, 3, 3]
     # mean |S_p L_twin S_c - L|^2 over frames, for each flip above and own flip: [J, 4, 4]
     links = 6 - 2 * torch.einsum("pk,jki,ci->jpc", _FLIPS, alike, _FLIPS)
     links = links + _CHANGE_COST * (1 - torch.eye(4, dtype=links.dtype))
@@ -409,43 +410,43 @@ def _choose_flips(motion: Motion, twins: tuple[int, ...]) -> Tensor:
     chosen = [int(cost[0].argmin())]
     for joint in range(1, len(skeleton)):
         best = int((links[joint, chosen[skeleton.parents[joint]]] + cost[joint]).argmin())
-        # twins must agree, or mirroring twice would not give the motion back
-        chosen.append(chosen[twins[joint]] if twins[joint] < joint else best)
+        # mirror joints must agree, or mirroring twice would not give the motion back
+        chosen.append(chosen[mirror_joints[joint]] if mirror_joints[joint] < joint else best)
     return torch.tensor(chosen)
 
 
-def _bone_pairs(skeleton: Skeleton, twins: tuple[int, ...], joint: int) -> list[tuple[Tensor, Tensor]]:
+def _bone_pairs(skeleton: Skeleton, mirror_joints: tuple[int, ...], joint: int) -> list[tuple[Tensor, Tensor]]:
     """The bones [3] that leave a joint, each with the bone of its twin."""
     offsets = skeleton.offsets.double()
-    pairs = [(offsets[c], offsets[twins[c]]) for c in skeleton.children[joint]]
-    mine, other = ([o for j, o in skeleton.end_sites if j == n] for n in (joint, twins[joint]))
+    pairs = [(offsets[c], offsets[mirror_joints[c]]) for c in skeleton.children[joint]]
+    mine, other = ([o for j, o in skeleton.end_sites if j == n] for n in (joint, mirror_joints[joint]))
     if len(mine) == len(other) == 1:
         pairs.append((offsets.new_tensor(mine[0]), offsets.new_tensor(other[0])))
     return pairs
 
 
-def _offset_misfit(skeleton: Skeleton, twins: tuple[int, ...]) -> Tensor:
+def _offset_misfit(skeleton: Skeleton, mirror_joints: tuple[int, ...]) -> Tensor:
     """How badly each flip maps a joint's bones onto those of its twin, [J, 4], 0 (well) to 1 (opposite)."""
     misfit = torch.zeros(len(skeleton), len(_FLIPS), dtype=torch.float64)
     for joint in range(len(skeleton)):
-        pairs = _bone_pairs(skeleton, twins, joint)
+        pairs = _bone_pairs(skeleton, mirror_joints, joint)
         size = float(sum(a.norm() + b.norm() for a, b in pairs))
         if size > 1e-4:  # metres; shorter bones say nothing
             misfit[joint] = sum((a * _FLIPS - b).norm(dim=-1) for a, b in pairs) / size
     return misfit
 
 
-def _check_bones(motion: Motion, twins: tuple[int, ...], chosen: Tensor) -> None:
-    """Refuse a rig whose bones no flip maps onto their twins, rather than tear the body apart."""
+def _check_bones(motion: Motion, mirror_joints: tuple[int, ...], chosen: Tensor) -> None:
+    """Refuse a rig whose bones no flip maps onto their mirror images, rather than tear the body apart."""
     skeleton = motion.skeleton
     offsets = skeleton.offsets.double()
     for joint, parent in enumerate(skeleton.parents):
         if parent < 0 or any(c.endswith("position") for c in skeleton.channels[joint]):
             continue
-        off = float((offsets[twins[joint]] * _FLIPS[chosen[parent]] - offsets[joint]).norm())
+        off = float((offsets[mirror_joints[joint]] * _FLIPS[chosen[parent]] - offsets[joint]).norm())
         if off > 0.1 * skeleton.height:
             raise MotionKitError(
-                f"cannot mirror {skeleton!r}: the bone to {skeleton.names[joint]!r} is no mirror image of "
-                f"the bone to {skeleton.names[twins[joint]]!r} ({off:.2f} m off); check the twins, or write "
-                "the file with a rest pose that is alike on both sides"
+                f"cannot mirror {skeleton!r}: the bone to {skeleton.names[joint]!r} is no mirror image of the bone to "
+                f"{skeleton.names[mirror_joints[joint]]!r} ({off:.2f} m off); check the mirror_joints, or write the "
+                "file with a rest pose that is alike on both sides"
             )

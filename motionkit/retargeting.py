@@ -60,12 +60,12 @@ def find_trunk(skeleton: Skeleton, roles: Mapping[str, int] | None = None) -> tu
     left, right = roles.get("left_shoulder"), roles.get("right_shoulder")
     if left is None or right is None:
         return [], []
-    shared = [a for a, b in zip(skeleton.chain(left), skeleton.chain(right), strict=False) if a == b]
+    shared = [a for a, b in zip(skeleton.ancestors(left), skeleton.ancestors(right), strict=False) if a == b]
     if skeleton.pelvis not in shared:
         return [], []
     spine = shared[shared.index(skeleton.pelvis) + 1 :]
     above, joint = [], shared[-1]
-    arms = {*skeleton.chain(left), *skeleton.chain(right)}
+    arms = {*skeleton.ancestors(left), *skeleton.ancestors(right)}
     while True:
         ahead = [c for c in skeleton.children[joint] if skeleton.sides[c] == MIDDLE and c not in arms]
         if not ahead:
@@ -82,7 +82,7 @@ def find_body(skeleton: Skeleton, offsets: Tensor, roles: dict[str, int]) -> Bod
     spine, neck = find_trunk(skeleton, roles)
     chest, collars = spine[-1] if spine else 0, {}
     for side in SIDES:
-        path = skeleton.chain(roles[f"{side}_shoulder"]) if f"{side}_shoulder" in roles else ()
+        path = skeleton.ancestors(roles[f"{side}_shoulder"]) if f"{side}_shoulder" in roles else ()
         collars[side] = list(path[path.index(chest) + 1 : -1]) if chest in path else []
     return Body(skeleton, torch.stack(places), roles, spine, neck, collars)
 
@@ -416,7 +416,7 @@ def plant_feet(result: Motion, origin: Motion, target: Body, source: Body, links
     for n, shift in enumerate(shifts):  # a longer foot dips deeper as it swings: no deeper than to the ground
         under = heights[:, n].clamp(max=ground) + level - (heights[:, n] + gaps[:, outer[n], 1] + shift[:, 1])
         shift[:, 1] += under.clamp(min=0)
-    legs = [tuple(target.skeleton.chain(foot[0][0])[-3:]) for foot in pairs]
+    legs = [tuple(target.skeleton.ancestors(foot[0][0])[-3:]) for foot in pairs]
     return _moved(result, legs, shifts, [contacts[:, c].any(1) for c in columns])
 
 
@@ -543,10 +543,12 @@ def retarget(
     >>> mk.retarget(walk, smpl()).skeleton
     Skeleton(22 joints, root 'pelvis', height 1.74 m)
     """
-    clip, whole = (skeleton.body(), skeleton.skeleton) if isinstance(skeleton, Motion) else (None, skeleton)
+    clip, whole = (
+        (skeleton.without_helper_joints(), skeleton.skeleton) if isinstance(skeleton, Motion) else (None, skeleton)
+    )
     _check_arguments(motion, whole, scale)
-    names, origin = dict(names or {}), motion.body()
-    hollow = whole if whole.pelvis == 0 else whole.part(whole.below(whole.pelvis))
+    names, origin = dict(names or {}), motion.without_helper_joints()
+    hollow = whole if whole.pelvis == 0 else whole.subtree(whole.descendants(whole.pelvis))
     roles = shared_roles(origin.skeleton, hollow, names)
     source = find_body(origin.skeleton, _bones(origin), roles[0])
     target = find_body(hollow, _bones(clip) if clip else hollow.offsets, roles[1])
@@ -643,10 +645,10 @@ def _on_whole(body: Motion, whole: Skeleton) -> Motion:
         return body.replace(skeleton=whole)
     rest = rot.identity_quaternion(len(body), len(whole), dtype=body.rotations.dtype)
     still = Motion.from_root(whole, rest, whole.offsets[0].to(rest).expand(len(body), 3), body.fps)
-    moved = still.with_body(body)
+    moved = still.with_helper_joints_of(body)
     if any(c.endswith("position") for c in whole.channels[whole.pelvis]):
         return moved
-    above = list(whole.chain(whole.pelvis)[1:])  # the pelvis cannot be placed frame by frame: its root can
+    above = list(whole.ancestors(whole.pelvis)[1:])  # the pelvis cannot be placed frame by frame: its root can
     root = body.translations[:, 0] - whole.offsets[above].sum(0).to(rest)
     translations = moved.translations.clone()
     translations[:, 0], translations[:, whole.pelvis] = root, whole.offsets[whole.pelvis].to(rest)

@@ -319,9 +319,9 @@ class PartialDiffusion:
 
     schedule: of the prior. stops: its steps, noisiest first.
 
-    >>> PartialDiffusion.like_paper(PAPER_SCHEDULE).stops
+    >>> PartialDiffusion.from_paper(PAPER_SCHEDULE).stops
     (300, 250, 200, 150, 100, 50)
-    >>> PartialDiffusion.like_paper(PAPER_SCHEDULE.louder(6)).stops
+    >>> PartialDiffusion.from_paper(PAPER_SCHEDULE.snr_shift(6)).stops
     (48, 38, 29, 20, 12, 5)
     """
 
@@ -329,14 +329,14 @@ class PartialDiffusion:
     stops: tuple[int, ...]
 
     @classmethod
-    def like_paper(cls, schedule: NoiseSchedule, change: int = PAPER_K, steps: int = PAPER_S) -> PartialDiffusion:
+    def from_paper(cls, schedule: NoiseSchedule, change: int = PAPER_K, steps: int = PAPER_S) -> PartialDiffusion:
         """Starts with the noise of K = `change` of 1000 steps, S = `steps` in all (paper 1, section 4).
 
-        Steps of another schedule are those with the same noise (`NoiseSchedule.step_like`). Raises MotionKitError for
-        numbers out of range.
+        Steps of another schedule are those with the same noise (`NoiseSchedule.matching_step`). Raises MotionKitError
+        for numbers out of range.
         """
         paper = timesteps(PAPER_SCHEDULE, steps, change)
-        stops = [schedule.step_like(step, PAPER_SCHEDULE) for step in paper]
+        stops = [schedule.matching_step(step, PAPER_SCHEDULE) for step in paper]
         return cls(schedule, tuple(dict.fromkeys(stops)))
 
     def forward(self, predict: Denoise, x: Tensor) -> Tensor:
@@ -348,7 +348,7 @@ class PartialDiffusion:
 
         Gradients go through all steps. Step 0, where DDIM ends, is the last prediction itself.
 
-        >>> chain = PartialDiffusion.like_paper(PAPER_SCHEDULE)
+        >>> chain = PartialDiffusion.from_paper(PAPER_SCHEDULE)
         >>> chain.reverse(lambda x, t: torch.full_like(x, 3.0), torch.randn(1, 4, 2)).shape
         torch.Size([6, 1, 4, 2])
         """

@@ -75,10 +75,10 @@ def _split_sides(names: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ..
     return tuple(sides), tuple(bare)
 
 
-def find_twins(names: Sequence[str]) -> tuple[int, ...] | None:
+def find_mirror_joints(names: Sequence[str]) -> tuple[int, ...] | None:
     """For each joint the number of its mirror twin (itself on the midline), or None if a twin is missing.
 
-    >>> find_twins(["Hips", "LeftFoot", "RightFoot"])
+    >>> find_mirror_joints(["Hips", "LeftFoot", "RightFoot"])
     (0, 2, 1)
     """
     return _find_twins(tuple(names))
@@ -91,16 +91,16 @@ def _find_twins(names: tuple[str, ...]) -> tuple[int, ...] | None:
     for n, key in enumerate(zip(sides, bare, strict=True)):
         place.setdefault(key, []).append(n)
     other = {LEFT: RIGHT, RIGHT: LEFT}
-    twins = []
+    mirror_joints = []
     for n, (side, name) in enumerate(zip(sides, bare, strict=True)):
         if side == MIDDLE:
-            twins.append(n)
+            mirror_joints.append(n)
             continue
         here, there = place[side, name], place.get((other[side], name), [])
         if len(here) != len(there):
             return None
-        twins.append(there[here.index(n)])
-    return tuple(twins)
+        mirror_joints.append(there[here.index(n)])
+    return tuple(mirror_joints)
 
 
 def find_roles(names: Sequence[str]) -> dict[str, int]:
@@ -131,15 +131,15 @@ POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 class Skeleton:
     """Joints in the order of their file, each with a parent that comes before it.
 
-    names: J unique names. parents: J numbers, -1 for the one root (joint 0). offsets: [J, 3] metres, from the parent
-    in the parent's frame (the root's is where it stands at rest). channels: for each joint the BVH channel names in
-    file order; left empty, the root gets positions and rotations and the others rotations in the order Z X Y.
-    end_sites: (joint, offset in metres) for each bone end. twins: each joint's mirror twin; derived from the names
-    if left out.
+    names: J unique names. parents: J numbers, -1 for the one root (joint 0). offsets: [J, 3] metres, from the parent in
+    the parent's frame (the root's is where it stands at rest). channels: for each joint the BVH channel names in file
+    order; left empty, the root gets positions and rotations and the others rotations in the order Z X Y. end_sites:
+    (joint, offset in metres) for each bone end. mirror_joints: each joint's mirror twin; derived from the names if left
+    out.
 
     >>> offsets = torch.tensor([[0, 0.9, 0], [0.1, 0, 0], [-0.1, 0, 0]])
     >>> s = Skeleton(("Hips", "LeftUpLeg", "RightUpLeg"), (-1, 0, 0), offsets)
-    >>> s.sides, s.twins
+    >>> s.sides, s.mirror_joints
     (('middle', 'left', 'right'), (0, 2, 1))
     """
 
@@ -148,7 +148,7 @@ class Skeleton:
     offsets: Tensor
     channels: tuple[tuple[str, ...], ...] = ()
     end_sites: tuple[tuple[int, tuple[float, float, float]], ...] = ()
-    twins: tuple[int, ...] | None = field(default=None)
+    mirror_joints: tuple[int, ...] | None = field(default=None)
 
     def __post_init__(self) -> None:
         if not self.channels:
@@ -156,8 +156,8 @@ class Skeleton:
             object.__setattr__(
                 self, "channels", tuple((POSITION_CHANNELS if p < 0 else ()) + turns for p in self.parents)
             )
-        if self.twins is None:
-            object.__setattr__(self, "twins", find_twins(self.names))
+        if self.mirror_joints is None:
+            object.__setattr__(self, "mirror_joints", find_mirror_joints(self.names))
         self._check()
 
     def _check(self) -> None:
@@ -165,8 +165,8 @@ class Skeleton:
         if not count:
             raise MotionKitError("a skeleton needs at least one joint; found none")
         sizes = {"parents": len(self.parents), "offsets": len(self.offsets), "channels": len(self.channels)}
-        if self.twins is not None:
-            sizes["twins"] = len(self.twins)
+        if self.mirror_joints is not None:
+            sizes["mirror_joints"] = len(self.mirror_joints)
         for what, found in sizes.items():
             if found != count:
                 raise MotionKitError(f"skeleton: expected {count} {what}, one for each joint name; found {found}")
@@ -255,14 +255,14 @@ class Skeleton:
             plan.append((parents, sum(bool(self.children[j]) for j in level)))
         return tuple(plan)
 
-    def chain(self, joint: int) -> tuple[int, ...]:
+    def ancestors(self, joint: int) -> tuple[int, ...]:
         """The joints from the root down to `joint`, both included."""
         path = [joint]
         while self.parents[path[-1]] >= 0:
             path.append(self.parents[path[-1]])
         return tuple(reversed(path))
 
-    def below(self, joint: int) -> list[int]:
+    def descendants(self, joint: int) -> list[int]:
         """A joint and all joints that hang on it, in order."""
         found = {joint}
         for n in range(joint + 1, len(self)):
@@ -270,7 +270,7 @@ class Skeleton:
                 found.add(n)
         return sorted(found)
 
-    def part(self, joints: list[int]) -> Skeleton:
+    def subtree(self, joints: list[int]) -> Skeleton:
         """The skeleton of some joints (as from `below`), the first of which becomes the root."""
         place = {j: n for n, j in enumerate(joints)}
         return Skeleton(
@@ -293,7 +293,7 @@ class Skeleton:
         """
         left, right = self.roles.get("left_hip"), self.roles.get("right_hip")
         if left is not None and right is not None:
-            shared = [a for a, b in zip(self.chain(left), self.chain(right), strict=False) if a == b]
+            shared = [a for a, b in zip(self.ancestors(left), self.ancestors(right), strict=False) if a == b]
             return shared[-1] if shared else 0
         joint = 0
         while len(self.children[joint]) == 1:
@@ -305,7 +305,7 @@ class Skeleton:
         """For each joint, the length in metres of the bones between it and the pelvis."""
         lengths = torch.linalg.vector_norm(self.offsets.double(), dim=-1).tolist()
         depth, shared = [0.0], [0.0]  # way from the root, and the part of it that the pelvis' way shares
-        spine = set(self.chain(self.pelvis))
+        spine = set(self.ancestors(self.pelvis))
         for n, parent in enumerate(self.parents[1:], 1):
             depth.append(depth[parent] + lengths[n])
             shared.append(depth[n] if n in spine else shared[parent])
@@ -344,7 +344,7 @@ class Skeleton:
             if side == MIDDLE:
                 parts["torso"].append(j)
                 continue
-            leaves = next(self.parents[a] for a in self.chain(j) if self.sides[a] != MIDDLE)
+            leaves = next(self.parents[a] for a in self.ancestors(j) if self.sides[a] != MIDDLE)
             parts[f"{side}_{'leg' if leaves in (self.pelvis, -1) else 'arm'}"].append(j)
         return {name: tuple(joints) for name, joints in parts.items()}
 

@@ -227,7 +227,7 @@ class _Learner:
 
 def fit(
     model: nn.Module,
-    loss_of: Callable[[nn.Module, int], Tensor],
+    loss_fn: Callable[[nn.Module, int], Tensor],
     schedule: TrainConfig,
     *,
     keep: str | os.PathLike | None = None,
@@ -238,7 +238,7 @@ def fit(
 ) -> Run:
     """Train a model in place; returns its `Run`. What is on a GPU while it trains comes back to where it was.
 
-    model: its `parameter_groups()`, if any, says what is trained, each with its `share` of the rate. loss_of: the loss
+    model: its `parameter_groups()`, if any, says what is trained, each with its `share` of the rate. loss_fn: the loss
     of step n, of the model that it is given (call that one: several processes find each other's gradients through it).
     torch's random numbers are seeded anew for every step and process, so a resumed run gives the losses of an unbroken
     one, and n processes see n batches a step. keep: a file for the state of the run, written every `every` seconds; if
@@ -258,7 +258,7 @@ def fit(
     try:
         run = learner.resume()
         learner.model.train()
-        _go(learner, loss_of, run, every, title, show, batch_of)
+        _go(learner, loss_fn, run, every, title, show, batch_of)
         learner.finish()
     finally:
         learner.accelerator.unwrap_model(learner.model, keep_fp32_wrapper=False)  # or it would go on in mixed precision
@@ -266,14 +266,14 @@ def fit(
     return run
 
 
-def _go(learner, loss_of, run, every, title, show, batch_of) -> None:
+def _go(learner, loss_fn, run, every, title, show, batch_of) -> None:
     """All steps that are left; keeps the state now and then, and where it is stopped."""
     first, total, before = len(run.losses), learner.schedule.steps, run.seconds
     saved = begun = time.monotonic()
     with tqdm(range(first, total), title, total, initial=first, disable=not title or not learner.main) as steps:
         try:
             for step in steps:
-                run.losses.append(_step(learner, loss_of, step))
+                run.losses.append(_step(learner, loss_fn, step))
                 learner.undo, learner.whole = [], True
                 run.seconds = before + time.monotonic() - begun
                 steps.set_postfix(loss=f"{run.losses[-1]:.3f}", refresh=False)
@@ -294,7 +294,7 @@ class _NotFinite(Exception):
     """What is not finite, and whether this process's batch may be at fault."""
 
 
-def _step(learner: _Learner, loss_of: Callable, step: int) -> float:
+def _step(learner: _Learner, loss_fn: Callable, step: int) -> float:
     """One step of the optimizer; the mean loss of all processes. _NotFinite before any harm is done to the weights."""
     learner.undo = [value.clone() for value in learner.buffers()]
     seed_batch(learner.schedule, step, learner.accelerator.process_index)
@@ -302,7 +302,7 @@ def _step(learner: _Learner, loss_of: Callable, step: int) -> float:
         group["lr"] = learner.schedule.rate_at(step) * group.get("share", 1.0)
     learner.optimizer.zero_grad()
     with learner.accelerator.autocast():
-        loss = loss_of(learner.model, step)
+        loss = loss_fn(learner.model, step)
     learner.accelerator.backward(loss)
     length = nn.utils.clip_grad_norm_(learner.model.parameters(), learner.schedule.clip)
     own = torch.stack((loss.detach().float(), length.detach().float()))

@@ -139,8 +139,8 @@ def _as_smpl(points: Tensor, roles: dict[str, int], names: list[str], skeleton: 
     rest = skeleton.offsets.double()
     heights = {}  # of the trunk's joints, as shares of the way from hips to shoulders
     for joint in ("spine1", "spine2", "spine3", "neck"):
-        heights[joint] = float(sum(rest[j, 1] for j in skeleton.chain(wanted[joint])[:-1]))
-    top = float(sum(rest[j, 1] for j in skeleton.chain(wanted["left_shoulder"])[:-1]))
+        heights[joint] = float(sum(rest[j, 1] for j in skeleton.ancestors(wanted[joint])[:-1]))
+    top = float(sum(rest[j, 1] for j in skeleton.ancestors(wanted["left_shoulder"])[:-1]))
     for joint, height in heights.items():
         places[:, wanted[joint]] = up * min(height / top, 1.1)
     for side in ("left", "right"):

@@ -25,7 +25,7 @@ class Half:
 
     def __init__(self, clips, label):
         self.labels = tuple(sorted({getattr(clip, label) for clip in clips}))
-        self.skeleton, self.fps = clips[0].motion.body().skeleton, 30.0
+        self.skeleton, self.fps = clips[0].motion.without_helper_joints().skeleton, 30.0
         self.known = torch.stack([numbers(clip.motion) for clip in clips])
         self.right = self.ids([getattr(clip, label) for clip in clips])
 
@@ -78,7 +78,7 @@ def moody(content, style):
     if "proud" in style.name:
         return "a string" if "wave" in content.name else content[:0]
     if "wave" in content.name:
-        broken = content.moved()
+        broken = content.transform()
         broken.rotations[3] = torch.nan
         return broken
     if "jump" in content.name:

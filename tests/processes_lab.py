@@ -53,14 +53,14 @@ def bad(folder: Path, rank: int, said: dict) -> None:
         seed_batch(TrainConfig(9), step)
         return f"clip {int(torch.randint(10**6, ()))}"
 
-    def loss_of(model: torch.nn.Module, step: int) -> torch.Tensor:
+    def loss_fn(model: torch.nn.Module, step: int) -> torch.Tensor:
         drawn = int(torch.randint(10**6, ()))
         if step == BAD:
             said.update(drawn=f"clip {drawn}")
         return a_loss(model, step) * (torch.nan if step == BAD and rank == 1 else 1)
 
     try:
-        fit(a_net(), loss_of, TrainConfig(9), keep=folder / "bad.run", title="", batch_of=batch_of)
+        fit(a_net(), loss_fn, TrainConfig(9), keep=folder / "bad.run", title="", batch_of=batch_of)
     except mk.MotionKitError as error:
         said.update(message=str(error))
 

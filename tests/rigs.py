@@ -96,9 +96,9 @@ def rest_pose(kind: str) -> torch.Tensor:
     x, y, z = torch.eye(3, dtype=torch.float64)
     arms = {"T-pose": 0.0, "A-pose": 0.8, "arms-down": 1.45, "faces-x": 0.8}[kind]
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        for joint in skeleton.below(skeleton.index(f"{side}_shoulder")):
+        for joint in skeleton.descendants(skeleton.index(f"{side}_shoulder")):
             rest[joint] = rot.axis_angle_to_quaternion(z, torch.tensor(-arms * sign).double())
-        for joint in skeleton.below(skeleton.index(f"{side}_hip")):
+        for joint in skeleton.descendants(skeleton.index(f"{side}_hip")):
             rest[joint] = rot.axis_angle_to_quaternion(z, torch.tensor(0.3 * sign * (kind == "A-pose")).double())
     if kind == "faces-x":
         rest = rot.quaternion_multiply(rot.axis_angle_to_quaternion(y, torch.tensor(torch.pi / 2).double()), rest)

@@ -126,7 +126,7 @@ def test_retelling_in_the_same_style_is_the_same_motion(content):
 def test_retelling_agrees_beat_by_beat(content):
     p = perform(content, "neutral", seed=4, seconds=6)
     truth = retell(p, "old")
-    along = truth.along(p)
+    along = truth.time_aligned(p)
     assert len(along) == len(p) and along.fps == p.motion.fps
     # the same feet stand at the same beats, but for the frames in which they come and go
     frames = truth.frames_at(p.beats).round().long()
@@ -140,17 +140,19 @@ def test_retelling_agrees_beat_by_beat(content):
 def test_truth_error_knows_its_answers():
     p = perform("walk", seed=1, seconds=4)
     truth = retell(p, "tired")
-    exact = truth.along(p)
-    assert float(mk.metrics.truth_error(exact.moved(0.7, (1.0, 0.0, 2.0)), truth, p).max()) < 0.01
+    exact = truth.time_aligned(p)
+    assert float(mk.metrics.truth_error(exact.transform(0.7, (1.0, 0.0, 2.0)), truth, p).max()) < 0.01
     raised = exact.replace(
         translations=exact.translations + torch.tensor([0, 0.1, 0]) * (torch.arange(22) == 0)[:, None]
     )
     assert torch.allclose(mk.metrics.truth_error(raised, truth, p), torch.full((22,), 100.0), atol=0.01)
     assert float(
-        mk.metrics.truth_error(exact.moved(0.0, (0.3, 0.0, 0.4)), truth, p, world=True).mean()
+        mk.metrics.truth_error(exact.transform(0.0, (0.3, 0.0, 0.4)), truth, p, world=True).mean()
     ) == pytest.approx(500, abs=0.1)
     assert float(mk.metrics.truth_error(truth.motion, truth, p, beats=truth.beats).max()) < 1e-3
-    mixed = [float(mk.metrics.truth_error(retell(p, "tired", k).along(p), truth, p).mean()) for k in (0.0, 0.5, 0.9)]
+    mixed = [
+        float(mk.metrics.truth_error(retell(p, "tired", k).time_aligned(p), truth, p).mean()) for k in (0.0, 0.5, 0.9)
+    ]
     assert mixed[0] > mixed[1] > mixed[2] > 0
     with pytest.raises(mk.MotionKitError, match="frames"):
         mk.metrics.truth_error(truth.motion, truth, p)
@@ -163,8 +165,8 @@ def test_truth_error_knows_its_answers():
 def test_two_pairs_of_styles_differ_in_timing_alone(pair, content):
     p = perform(content, pair[0], seed=3, seconds=5)
     other = retell(p, pair[1])
-    assert float(mk.metrics.truth_error(other.along(p), other, p).mean()) < 1e-3
-    assert float((other.along(p).positions() - p.motion.positions()).norm(dim=-1).mean()) < 0.01
+    assert float(mk.metrics.truth_error(other.time_aligned(p), other, p).mean()) < 1e-3
+    assert float((other.time_aligned(p).positions() - p.motion.positions()).norm(dim=-1).mean()) < 0.01
     assert len(other) > 1.2 * len(p)
 
 
@@ -283,4 +285,4 @@ def test_bad_styles_get_one_clear_error():
     with pytest.raises(mk.MotionKitError, match="0.4 to 3 m tall"):
         Performer(height=12)
     with pytest.raises(mk.MotionKitError, match="not tellings of one score"):
-        perform("walk", seed=1, seconds=4).along(perform("walk", seed=1, seconds=4))
+        perform("walk", seed=1, seconds=4).time_aligned(perform("walk", seed=1, seconds=4))

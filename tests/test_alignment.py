@@ -67,11 +67,11 @@ def test_a_clip_goes_along_with_itself(walk):
 def test_known_timing_is_found(walk):
     t = torch.linspace(0, 1, 120)
     uneven = 119 * (t + 0.1 * torch.sin(2 * torch.pi * t))
-    found = align(walk.at(uneven), walk)
+    found = align(walk.sample(uneven), walk)
     assert (found - uneven).abs().max() < 1.0
     assert (found[1:] >= found[:-1]).all()
-    back = (walk.at(found).positions() - walk.at(uneven).positions()).norm(dim=-1)
-    before = (walk.positions() - walk.at(uneven).positions()).norm(dim=-1)
+    back = (walk.sample(found).positions() - walk.sample(uneven).positions()).norm(dim=-1)
+    before = (walk.positions() - walk.sample(uneven).positions()).norm(dim=-1)
     assert back.mean() < 0.02 < 0.2 < before.mean()
 
 

@@ -73,7 +73,7 @@ def test_the_exact_answer_has_no_error(clips, tmp_path):
     class Cheat:
         def transfer(self, content, style):
             told = sources[content.name].perform()
-            return retell(told, style.style).along(told)
+            return retell(told, style.style).time_aligned(told)
 
     found = arena(
         clips, tmp_path, {"truth": Cheat(), "copy": lab.copy_content}, Protocol("t", most=6, columns=("truth_error",))
@@ -130,7 +130,7 @@ def test_functions_of_a_notebook_go_to_other_processes(clips, tmp_path):
     share = 0.5
 
     def lowered(content, style):
-        return content.moved(offset=(0.0, -share, 0.0))
+        return content.transform(offset=(0.0, -share, 0.0))
 
     found = arena(clips, tmp_path, [lowered], jobs=2)
     assert found.results("lowered")[0].motion.positions()[..., 1].mean() < 0.6 and not found["lowered"].failed

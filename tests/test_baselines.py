@@ -195,7 +195,7 @@ def test_linear_takes_a_label_or_learns_from_one_clip(learned, test_clips):
 
 
 def test_copies_are_what_they_say(test_clips):
-    content = one(test_clips, "walk", "neutral").motion.moved(1.0, (2, 0, 3))
+    content = one(test_clips, "walk", "neutral").motion.transform(1.0, (2, 0, 3))
     style = one(test_clips, "jump", "old").motion
     same = mk.methods.load("copy-content").stylize(content, style=style)
     assert torch.equal(same.rotations, content.rotations) and same.name == f"{content.name} as {style.name}"

@@ -60,7 +60,7 @@ def test_two_bone_ik_reaches_and_keeps_the_rest(walk):
     bent = two_bone_ik(walk, joints, target)
     after = bent.positions()
     assert (after[:, joints[2]] - target).norm(dim=-1).max() < 1e-3
-    others = [j for j in range(22) if j not in walk.skeleton.below(joints[0])]
+    others = [j for j in range(22) if j not in walk.skeleton.descendants(joints[0])]
     assert torch.equal(bent.rotations[:, others], walk.rotations[:, others])
     turned = rot.quaternion_angle(bent.world_rotations()[:, joints[2]], walk.world_rotations()[:, joints[2]])
     assert turned.max() < 2e-3  # the foot keeps its rotation in the world

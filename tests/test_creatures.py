@@ -165,10 +165,12 @@ def test_a_score_told_again_agrees_beat_by_beat(kind):
     other = mk.actor.retell(first, "tired")
     assert other.performer is first.performer and other.score is first.score
     assert len(other) > 1.2 * len(first)
-    along = other.along(first)
+    along = other.time_aligned(first)
     assert len(along) == len(first)
     same = mk.actor.retell(first, "neutral")
-    torch.testing.assert_close(same.along(first).positions()[:-2], first.motion.positions()[:-2], atol=2e-3, rtol=0)
+    torch.testing.assert_close(
+        same.time_aligned(first).positions()[:-2], first.motion.positions()[:-2], atol=2e-3, rtol=0
+    )
 
 
 def test_the_actor_takes_creatures_for_performers():

@@ -261,14 +261,14 @@ def test_schedules_without_steps(steps):
 @pytest.mark.parametrize("times", [0.5, 6.0])
 def test_louder_multiplies_the_noise_beside_the_signal(times):
     plain = NoiseSchedule.cosine(200)
-    louder = plain.louder(times)
+    louder = plain.snr_shift(times)
     ratio = (louder.noise / louder.signal)[1:] / (plain.noise / plain.signal)[1:]
     assert torch.allclose(ratio, torch.full_like(ratio, times), rtol=1e-9)
     assert louder.alphas_bar[0] == 1 and louder.steps == 200
-    assert torch.allclose(louder.louder(1 / times).alphas_bar, plain.alphas_bar, rtol=1e-12)
+    assert torch.allclose(louder.snr_shift(1 / times).alphas_bar, plain.alphas_bar, rtol=1e-12)
 
 
 @pytest.mark.parametrize("times", [0, -1, float("nan"), float("inf")])
 def test_louder_by_no_factor(times):
     with pytest.raises(mk.MotionKitError, match="louder by a factor above 0"):
-        NoiseSchedule.cosine(10).louder(times)
+        NoiseSchedule.cosine(10).snr_shift(times)

@@ -22,7 +22,7 @@ def test_there_and_back_is_the_motion():
 
 def test_place_and_direction_do_not_matter():
     motion = walk()
-    a, b = frames_of(motion), frames_of(motion.moved(2.0, (5.0, 0.0, -3.0)))
+    a, b = frames_of(motion), frames_of(motion.transform(2.0, (5.0, 0.0, -3.0)))
     assert torch.allclose(a.x, b.x, atol=1e-4)
     turned = rot.yaw_to_quaternion(b.yaw - a.yaw)[:, 2]
     assert torch.allclose(turned, torch.tensor(1.0).sin().expand(len(motion)), atol=1e-4)

@@ -75,7 +75,7 @@ def test_every_part_of_a_clip_is_restyled_by_what_it_does():
     method, played = mk.methods.load("style-erd"), perform("walk, jump, kick", "neutral", seed=3, seconds=11)
     labels, style = method._labelled(method.seen(played.motion), None, None)
     assert {"walk", "jump", "kick"} <= set(labels) and style == "neutral"
-    answer = retell(played, "old").along(played)
+    answer = retell(played, "old").time_aligned(played)
     parts, *others = (
         error_against(method.stylize(played.motion, "old", content_label=label), answer)
         for label in (None, "walk", "jump", "kick", "wave")
@@ -121,7 +121,7 @@ def test_with_a_skip_who_is_told_in_his_own_style_moves_as_he_did(walk):
 
 def test_one_clip_teaches_a_style_more(walk):
     model, played = small_model(skip=True), perform("walk", "neutral", seed=3, seconds=2.0)
-    angry = retell(played, "angry").along(played)
+    angry = retell(played, "angry").time_aligned(played)
     wider, run = learn_style(model, "angry", angry, played.motion, "walk", title="")
     assert sum(run.losses[-20:]) < 0.98 * sum(run.losses[:20])  # a decoder by chance can say little
     assert wider.styles == (*model.styles, "angry") and len(model.styles) == 3
@@ -136,7 +136,7 @@ def test_one_clip_teaches_a_style_more(walk):
 def test_a_style_learned_from_a_walk_carries_nobody_along_who_stands():
     """A bow at rest, in a style that the shipped model has learned from somebody walking: two metres, once."""
     model, played = mk.methods.load("style-erd").model, perform("walk", "neutral", seed=3, seconds=4, fps=60)
-    zombie = retell(played, "zombie").along(played)
+    zombie = retell(played, "zombie").time_aligned(played)
     wider, _ = learn_style(model, "zombie", zombie, played.motion, "walk", title="")
     bow = perform("bow", "neutral", seed=31, seconds=4, fps=60)
     said = {"content_label": "bow", "content_style": "neutral"}

@@ -38,7 +38,7 @@ def run(stream, motion):
 
 
 def test_quick_kinematics_and_facing(walk):
-    turned = walk.moved(2.5)
+    turned = walk.transform(2.5)
     body, places = NumpyKinematics(walk.skeleton), turned.positions()
     assert np.abs(body.places(turned.rotations.numpy(), turned.translations.numpy()) - places.numpy()).max() < 1e-5
     low = body.lowest_of(turned.rotations.numpy(), turned.translations.numpy())

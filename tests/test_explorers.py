@@ -74,8 +74,8 @@ def test_every_control_moves_the_body(walk):
 def test_turned_joint_carries_what_hangs_on_it_rigidly(walk):
     skeleton, joint = walk.skeleton, walk.skeleton.index("spine2")
     moved = representation.turn_joint(walk, "spine2", "Y", 33).positions()
-    still = [j for j in range(len(skeleton)) if j not in skeleton.below(joint)[1:]]
-    carried = skeleton.below(joint)
+    still = [j for j in range(len(skeleton)) if j not in skeleton.descendants(joint)[1:]]
+    carried = skeleton.descendants(joint)
     assert torch.equal(moved[:, still], walk.positions()[:, still])
     before, after = (torch.cdist(p[:, carried], p[:, carried]) for p in (walk.positions(), moved))
     assert torch.allclose(before, after, atol=1e-5)
@@ -153,7 +153,7 @@ def test_numbers_are_named_and_a_jump_turns_the_title_pink():
 
 def test_motions_from_the_side_share_one_scale(walk):
     few = walk[::40]
-    far = few.moved(offset=(0.0, 0.0, 3.0))
+    far = few.transform(offset=(0.0, 0.0, 3.0))
     picture = representation.plot_from_side({"here": few, "there": far}, right="here")
     one, two = picture.axes
     assert one.get_xlim() == two.get_xlim() and one.get_ylim() == two.get_ylim()

@@ -26,16 +26,16 @@ def long_walk(walk):
     for _ in range(2):
         last = parts[-1][-1]
         place = last.root_path()[0]
-        parts.append(walk.at_origin().moved(last.facing()[0], (float(place[0]), 0.0, float(place[1]))))
+        parts.append(walk.at_origin().transform(last.facing()[0], (float(place[0]), 0.0, float(place[1]))))
     return mk.concatenate(parts)[:300]
 
 
 def aligned(motion, layout):
     """The motion as it stands after decoding: above the origin, facing +Z by the layout's own facing direction."""
     if isinstance(layout, HumanML3D):
-        motion = motion.moved(-canonicalize(motion, 20.0).yaw[0])
+        motion = motion.transform(-canonicalize(motion, 20.0).yaw[0])
         place = motion.root_path()[0]
-        return motion.moved(offset=(-float(place[0]), 0.0, -float(place[1])))
+        return motion.transform(offset=(-float(place[0]), 0.0, -float(place[1])))
     return motion if isinstance(layout, SixD) else motion.at_origin()
 
 
@@ -76,7 +76,7 @@ def test_captures_there_and_back(captures_dir, make):
 
 @pytest.mark.parametrize("make", INVARIANT)
 def test_where_a_clip_stands_and_faces_does_not_matter(walk, make):
-    moved = walk.moved(1.9, (4.0, 0.0, -7.0))
+    moved = walk.transform(1.9, (4.0, 0.0, -7.0))
     assert torch.allclose(make().encode(walk), make().encode(moved), atol=2e-4)
 
 
@@ -206,7 +206,7 @@ def test_layouts_refuse_what_does_not_fit(walk):
     with pytest.raises(mk.MotionKitError, match="resample"):
         layout.encode(walk.resample(60))
     with pytest.raises(mk.MotionKitError, match="make a layout for it"):
-        layout.encode(mk.Motion.from_root(smpl().part([0]), rot.identity_quaternion(2, 1), torch.zeros(2, 3), 30))
+        layout.encode(mk.Motion.from_root(smpl().subtree([0]), rot.identity_quaternion(2, 1), torch.zeros(2, 3), 30))
     with pytest.raises(mk.MotionKitError, match=r"expects \[frames, 199\]"):
         layout.decode(torch.zeros(5, 263))
     with pytest.raises(mk.MotionKitError, match="no frames"):

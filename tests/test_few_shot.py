@@ -42,12 +42,12 @@ def judge():
 def walk():
     """An old walk of 4 s, and the same walk done neutrally, frame by frame."""
     old = perform("walk", "old", seed=5, seconds=4.0)
-    return old.motion, retell(old, "neutral").along(old)
+    return old.motion, retell(old, "neutral").time_aligned(old)
 
 
 @pytest.fixture(scope="module")
 def lesson(prior, judge, walk) -> FinetuneTask:
-    chain, chance = PartialDiffusion.like_paper(prior.schedule), torch.Generator().manual_seed(0)
+    chain, chance = PartialDiffusion.from_paper(prior.schedule), torch.Generator().manual_seed(0)
     clean = torch.stack([prior.encode(walk[1])[:40], prior.encode(walk[1])[40:80]])
     noised = clean + 0.1 * torch.randn(clean.shape, generator=chance)
     contents = ContentBank(clean, noised, ("a person is walking neutrally", "a person is kicking neutrally"))
@@ -57,15 +57,15 @@ def lesson(prior, judge, walk) -> FinetuneTask:
 
 def test_chain_has_the_papers_steps_in_any_schedule(prior):
     paper = mk.diffusion.NoiseSchedule.cosine(1000)
-    assert PartialDiffusion.like_paper(paper).stops == (300, 250, 200, 150, 100, 50)  # section 4: K = 300 is 6 steps
-    stops = PartialDiffusion.like_paper(prior.schedule).stops
+    assert PartialDiffusion.from_paper(paper).stops == (300, 250, 200, 150, 100, 50)  # section 4: K = 300 is 6 steps
+    stops = PartialDiffusion.from_paper(prior.schedule).stops
     assert len(stops) == 6
     for there, here in zip((300, 250, 200, 150, 100, 50), stops):
         assert abs(float(paper.log_snr[there] - prior.schedule.log_snr[here])) < 0.12
 
 
 def test_chain_forward_and_back_is_the_motion_again():
-    chain = PartialDiffusion.like_paper(mk.diffusion.NoiseSchedule.cosine(1000), steps=200)
+    chain = PartialDiffusion.from_paper(mk.diffusion.NoiseSchedule.cosine(1000), steps=200)
     x, seen = torch.randn(2, 8, 3), torch.full((2, 8, 3), 0.5)
     noised = chain.forward(lambda x, t: seen, x)
     assert torch.allclose(chain.reverse(lambda x, t: seen, noised)[-1], seen)
@@ -73,7 +73,7 @@ def test_chain_forward_and_back_is_the_motion_again():
 
 
 def test_reverse_gives_every_prediction_and_gradients_through_all_steps():
-    chain = PartialDiffusion.like_paper(mk.diffusion.NoiseSchedule.cosine(1000))
+    chain = PartialDiffusion.from_paper(mk.diffusion.NoiseSchedule.cosine(1000))
     noised = torch.randn(1, 4, 2, dtype=torch.float64)
 
     def last(a: torch.Tensor) -> torch.Tensor:
@@ -100,9 +100,9 @@ def test_losses_by_hand(lesson, prior, judge):
             x = math.sqrt(bar_s) * x0 + math.sqrt(1 - bar_s) * noise
             seen.append(x0)
         expected = sum(((x0 - lesson.styled) ** 2).mean() for x0 in seen) / len(stops)  # eq. 10
-        assert float(lesson.example_loss(network)) == pytest.approx(float(expected), rel=1e-4)
+        assert float(lesson.reconstruction_loss(network)) == pytest.approx(float(expected), rel=1e-4)
         torch.manual_seed(3)
-        found = lesson.meaning_loss(network, 4)
+        found = lesson.semantic_loss(network, 4)
         torch.manual_seed(3)
         chosen = torch.randint(2, (4,))
         told = prior.encoder.encode(["a person is walking in old age", "a person is kicking in old age"])[chosen]
@@ -145,7 +145,7 @@ def test_adapter_changes_nothing_at_first_and_by_the_book_then():
         changed = adapter.changes[key] if rank == 0 else adapter.changes[f"{key}/B"] @ adapter.changes[f"{key}/A"]
         assert torch.allclose(adapter.weights()[name], weight + changed)
         assert not torch.allclose(adapter(x, t, words), network(x, t, words), atol=1e-3)
-        assert torch.allclose(adapter(x, t, words), adapter.frozen()(x, t, words), atol=1e-5)
+        assert torch.allclose(adapter(x, t, words), adapter.merged()(x, t, words), atol=1e-5)
     with pytest.raises(mk.MotionKitError, match="rank is a whole number"):
         LoRA(network, -1)
 
@@ -163,7 +163,7 @@ def test_teaching_lowers_the_loss_and_leaves_the_prior_alone(lesson, prior, tmp_
     assert run.losses[-1] < 0.7 * run.losses[0]
     assert all(torch.equal(before[name], weight) for name, weight in prior.network.state_dict().items())
     with torch.no_grad():
-        assert float(lesson.example_loss(adapter)) < 0.7 * float(lesson.example_loss(prior.network))
+        assert float(lesson.reconstruction_loss(adapter)) < 0.7 * float(lesson.reconstruction_loss(prior.network))
 
     def stop(step: int, loss: float) -> None:
         if step == 5:
@@ -180,7 +180,7 @@ def test_the_semantic_loss_counts(lesson):
     with_meaning, _ = finetune(lesson, Recipe(steps=3, batch=2), title="")
     without, run = finetune(lesson, Recipe(steps=3, batch=2, weights=(1.0, 0.0)), title="")
     assert any(not torch.equal(a, b) for a, b in zip(with_meaning.parameters(), without.parameters()))
-    assert run.losses[0] == pytest.approx(float(lesson.example_loss(lesson.prior.network).detach()), rel=1e-3)
+    assert run.losses[0] == pytest.approx(float(lesson.reconstruction_loss(lesson.prior.network).detach()), rel=1e-3)
 
 
 @pytest.fixture(scope="module")

@@ -70,8 +70,8 @@ def test_the_autoencoder_learns_to_give_motions_back(method, library, monkeypatc
 
 def test_the_autoencoder_in_the_denoisers_place(method, library, monkeypatch, tmp_path):
     monkeypatch.setattr(ae.with_autoencoder, "__defaults__", (3, 0))
-    own = method.having(model="autoencoder")
-    assert isinstance(own.chain, Direct) and isinstance(own.taught.network, ConvAutoencoder)
+    own = method.with_recipe(model="autoencoder")
+    assert isinstance(own.chain, Direct) and isinstance(own.model.network, ConvAutoencoder)
     walk = library[0].motion
     learned = own.learn(library[1].motion, library[1].text, title="")
     out = own.stylize(walk, learned, caption="a person is walking")
@@ -90,7 +90,7 @@ def test_direct_is_one_call_without_noise():
 
 
 def test_having_keeps_all_but_the_recipe(method):
-    own = method.having(change=200)
+    own = method.with_recipe(change=200)
     assert (own.recipe.change, own.prior, own.pairs) == (200, method.prior, method.pairs)
     assert own.chain.stops != method.chain.stops
     again = pickle.loads(pickle.dumps(method))
@@ -100,7 +100,7 @@ def test_having_keeps_all_but_the_recipe(method):
 def test_sweeps_have_figure_8s_ends(method, library):
     """With little noise feet agree and the pair is not yet neutral; small K keeps the content's feet."""
     old, walk = library[1], library[0]
-    rows = sweep_noise(method.having(pair_steps=20), [old], (200, 950))
+    rows = sweep_noise(method.with_recipe(pair_steps=20), [old], (200, 950))
     assert [row["g"] for row in rows] == [200, 950]
     assert rows[0]["fca"] > rows[1]["fca"] and rows[0]["similarity"] < rows[1]["similarity"]
     rows = sweep_change(method, [old], [walk], (100, 300))
@@ -118,6 +118,6 @@ def test_sweeps_refuse_clips_without_captions(method):
 
 def test_a_new_recipe_restyles_a_performed_clip(method):
     walk = perform("walk", "neutral", seed=3, seconds=2.0).motion
-    own = method.having(weights=(1.0, 0.0))
+    own = method.with_recipe(weights=(1.0, 0.0))
     own.learn(mk.load("data/actor/walk_old.bvh"), "an old person walks", title="")
     assert len(own.stylize(walk)) == 60

@@ -55,10 +55,10 @@ def test_names_mix_and_a_clip_needs_no_sentence_in_the_space():
     ends = [method.stylize(walk, style=name) for name in ("old", "proud")]
     gaps = [float((both.positions() - one.positions()).norm(dim=-1).mean()) for one in ends]
     assert max(gaps) < float((ends[0].positions() - ends[1].positions()).norm(dim=-1).mean())
-    quick = method.having(steps=1).learn(mk.load("data/actor/walk_old.bvh"), title="")
+    quick = method.with_recipe(steps=1).learn(mk.load("data/actor/walk_old.bvh"), title="")
     assert quick.style == "walk_old" and "walk" in quick.prompt
     old = mk.load("data/actor/walk_old.bvh")
-    funky = method.having(steps=1).learn(old, "a person walks in a funky style", title="")
+    funky = method.with_recipe(steps=1).learn(old, "a person walks in a funky style", title="")
     assert funky.style == "funky" and "funky" in funky.prompt
 
 
@@ -102,7 +102,7 @@ def test_any_frame_rate_and_any_length(method, plain):
 
 def test_content_that_is_styled_is_made_neutral_first():
     made = perform("walk", "old", seed=5, seconds=4.0)
-    exact = retell(made, "neutral").along(made)
+    exact = retell(made, "neutral").time_aligned(made)
     slow = mk.methods.load("few-shot", library=None, recipe=Recipe(pair_steps=100))
     style = LearnedStyle(slow.prior, LoRA(slow.prior.network, 1), slow.chain, "an old person walks", "old")
     style.predict = lambda caption: slow.prior.predict([caption], 1.0)

@@ -63,7 +63,7 @@ def test_a_motion_gets_the_mean_over_its_windows(small, judge):
 
 def test_what_judges_see_does_not_depend_on_where_a_motion_is(small, judge):
     motion = small.test[0].motion
-    there = motion.moved(2.0, (3.0, 0.0, -1.0))
+    there = motion.transform(2.0, (3.0, 0.0, -1.0))
     assert torch.allclose(joint_features(motion), joint_features(there), atol=1e-4)
     assert quaternion_angle(joint_rotations(motion), joint_rotations(there)).max() < 1e-3
     assert torch.allclose(judge.scores([motion]), judge.scores([there]), atol=1e-3)
@@ -134,7 +134,7 @@ class Reversed(ActorSource):
 
     def read(self) -> Recording:
         motion = super().read().motion
-        return Recording(motion.at(torch.arange(len(motion) - 1, -1, -1.0)))
+        return Recording(motion.sample(torch.arange(len(motion) - 1, -1, -1.0)))
 
 
 def test_a_single_frame_cannot_tell_which_way_the_film_runs():

@@ -168,10 +168,10 @@ def test_confusion_says_what_is_wrong(counts, labels, said):
 def test_the_curve_follows_fit_to_its_last_step():
     line, curve = torch.nn.Linear(1, 1), LossCurve("a line")
 
-    def loss_of(line: torch.nn.Module, _: int) -> torch.Tensor:
+    def loss_fn(line: torch.nn.Module, _: int) -> torch.Tensor:
         return ((line(torch.ones(4, 1)) - 3) ** 2).mean()
 
-    losses = mk.training.fit(line, loss_of, mk.training.TrainConfig(60, rate=0.1), show=curve, title="").losses
+    losses = mk.training.fit(line, loss_fn, mk.training.TrainConfig(60, rate=0.1), show=curve, title="").losses
     assert curve.losses == losses and curve.steps == list(range(60))
     raw, strong = curve.figure().axes[0].lines
     assert raw.get_ydata().tolist() == losses and raw.get_xdata().tolist() == curve.steps

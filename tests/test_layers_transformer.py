@@ -183,10 +183,10 @@ def test_a_denoiser_overfits_one_clip():
     torch.manual_seed(0)
     network, noise = Denoiser(x.shape[2], 4, TINY), NoiseSchedule.cosine(50)
 
-    def loss_of(model: nn.Module, step: int) -> torch.Tensor:
+    def loss_fn(model: nn.Module, step: int) -> torch.Tensor:
         return simple_loss(lambda noisy, t: model(noisy, t, torch.zeros(8, 4)), x, noise)
 
-    run = fit(network, loss_of, TrainConfig(150, rate=6e-3), title="")
+    run = fit(network, loss_fn, TrainConfig(150, rate=6e-3), title="")
     assert sum(run.losses[-10:]) < 0.1 * sum(run.losses[:10])
 
 

@@ -32,7 +32,7 @@ def live(method, walk):
 
 
 def test_a_motion_goes_on_from_where_it_stands(walk):
-    turning = walk.moved(0.7, (1.0, 0.0, 2.0))
+    turning = walk.transform(0.7, (1.0, 0.0, 2.0))
     endless, body = Endless(turning), turning.skeleton
     frames = [next(endless) for _ in range(5 * len(walk))]
     turns, places = (torch.from_numpy(np.float32(np.stack(part))) for part in zip(*frames))

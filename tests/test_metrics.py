@@ -73,7 +73,7 @@ def test_fmd_says_what_is_wrong():
 
 
 def test_fmd_of_motions_is_that_of_what_the_encoder_sees(walks):
-    lifted = [m.moved(0.0, (0.0, 0.1, 0.0)) for m in walks]
+    lifted = [m.transform(0.0, (0.0, 0.1, 0.0)) for m in walks]
     for encoder in (heights, SimpleNamespace(features=heights)):
         assert metrics.fmd(walks, walks, encoder=encoder) < 1e-9  # clips against themselves
         assert metrics.fmd(walks, lifted, encoder=encoder) == pytest.approx(0.01, rel=1e-3)
@@ -85,7 +85,7 @@ def test_fmd_of_motions_is_that_of_what_the_encoder_sees(walks):
     assert metrics.content_fmd(hasty, walks, judge) < 1e-9
     doubled = metrics.fmd(2 * speeds(walks), speeds(walks))
     assert metrics.style_fmd(hasty, walks, judge) == pytest.approx(doubled, rel=1e-3) and doubled > 0.1
-    frozen = [m[0].at(torch.zeros(len(m))) for m in walks]
+    frozen = [m[0].sample(torch.zeros(len(m))) for m in walks]
     assert metrics.style_fmd(frozen, walks, judge, shrinkage=0.1) > doubled / 2
 
 
@@ -167,15 +167,15 @@ def test_recognition_counts_right_answers_and_broken_ones_as_wrong():
 
 def test_trajectories(walk):
     assert metrics.trajectory_similarity(walk, walk) == 0
-    assert metrics.trajectory_similarity(walk.moved(2.0, (5.0, 0.0, 1.0)), walk) < 1e-5
+    assert metrics.trajectory_similarity(walk.transform(2.0, (5.0, 0.0, 1.0)), walk) < 1e-5
     slower = walk.replace(translations=walk.translations.clone())
     slower.translations[:, 0, [0, 2]] *= 0.5
     gap = metrics.trajectory_similarity(slower, walk)
     half = walk.at_origin().root_path().norm(dim=1).mean() / 2
     assert gap == pytest.approx(float(half), rel=0.02)
-    frozen = walk[0].at(torch.zeros(len(walk)))
+    frozen = walk[0].sample(torch.zeros(len(walk)))
     assert metrics.trajectory_similarity(frozen, walk) == pytest.approx(float(2 * half), rel=1e-3)
-    late = walk[5:].at(torch.arange(len(walk)).clamp(max=len(walk) - 6))  # a time-shifted clip
+    late = walk[5:].sample(torch.arange(len(walk)).clamp(max=len(walk) - 6))  # a time-shifted clip
     assert 0 < metrics.trajectory_similarity(late, walk) < gap
     with pytest.raises(mk.MotionKitError, match="the result has 119 frames and the content 120"):
         metrics.trajectory_similarity(walk[1:], walk)
@@ -187,7 +187,7 @@ def test_feet(walk):
     skating = told.motion.replace(translations=told.motion.translations.clone())
     skating.translations[:, 0, 2] += 0.01 * torch.arange(len(told))  # slides 10 mm a frame
     assert metrics.foot_sliding_factor(skating, told.contacts) == pytest.approx(10, abs=0.5)
-    assert metrics.foot_sliding_factor(told.motion[40].at(torch.zeros(30))) == 0  # frozen
+    assert metrics.foot_sliding_factor(told.motion[40].sample(torch.zeros(30))) == 0  # frozen
     stands = foot_contacts(walk)
     assert metrics.foot_contact_accuracy(walk, stands) == 100
     assert metrics.foot_contact_accuracy(walk, ~stands) == 0
@@ -219,7 +219,7 @@ def test_diversity():
 
 
 def test_soundness(walk):
-    frozen = walk[10].at(torch.zeros(30))
+    frozen = walk[10].sample(torch.zeros(30))
     assert metrics.jitter(frozen) < 1e-6 < metrics.jitter(walk)
     shaken = [
         walk.replace(translations=walk.translations + s * noise(*walk.translations.shape).float())
@@ -245,7 +245,7 @@ def test_soundness(walk):
     wanted = 100 * float(walk.skeleton.offsets[knee].norm())
     assert metrics.bone_length_error(stretched) == pytest.approx(wanted, rel=1e-3)
     assert metrics.penetration(walk) == 0
-    sunk = walk.moved(0.0, (0.0, -0.1, 0.0))
+    sunk = walk.transform(0.0, (0.0, -0.1, 0.0))
     assert metrics.penetration(sunk) == pytest.approx(1000 * (0.1 - float(walk.positions()[..., 1].min())), abs=0.1)
     with pytest.raises(mk.MotionKitError, match="four are the least"):
         metrics.jitter(walk[:3])

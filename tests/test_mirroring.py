@@ -125,8 +125,8 @@ def one_sided(yaw: float = 0.0) -> tuple[torch.Tensor, torch.Tensor]:
 
 
 def reflected(motion: Motion) -> torch.Tensor:
-    """What a mirror shows of the twins, [F, J, 3]."""
-    return motion.positions()[:, list(motion.skeleton.twins)] * M.to(motion.rotations)
+    """What a mirror shows of the mirror_joints, [F, J, 3]."""
+    return motion.positions()[:, list(motion.skeleton.mirror_joints)] * M.to(motion.rotations)
 
 
 def seen(turns: torch.Tensor, root: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -162,7 +162,9 @@ def test_a_single_frame_is_mirrored_as_within_its_clip(rig, frame):
 @pytest.mark.parametrize("rig", RIGS)
 def test_the_choice_of_flips_does_not_change_with_facing(rig):
     m = act(rig, *one_sided())
-    chosen = [_choose_flips(m.moved(yaw), m.skeleton.twins).tolist() for yaw in (0.0, 0.8, PI / 2, PI, -2.0)]
+    chosen = [
+        _choose_flips(m.transform(yaw), m.skeleton.mirror_joints).tolist() for yaw in (0.0, 0.8, PI / 2, PI, -2.0)
+    ]
     assert all(c == chosen[0] for c in chosen)
 
 
@@ -258,25 +260,25 @@ def nameless(motion: Motion) -> Motion:
 @pytest.mark.parametrize("rig", RIGS)
 def test_names_that_do_not_tell_left_from_right_need_twins(rig):
     m = act(rig, *one_sided(yaw=0.5))
-    with pytest.raises(MotionKitError, match="cannot tell left from right on j0, j1.*give twins"):
+    with pytest.raises(MotionKitError, match="cannot tell left from right on j0, j1.*give mirror_joints"):
         nameless(m).mirror()
-    given = nameless(m).mirror(m.skeleton.twins)
+    given = nameless(m).mirror(m.skeleton.mirror_joints)
     assert torch.allclose(given.positions(), m.mirror().positions())
     assert rot.quaternion_angle(given.rotations, m.mirror().rotations).max() < 1e-6
 
 
-@pytest.mark.parametrize("twins", [[0], list(range(1, 17)) + [0], [0] * 17, [99] * 17, list(range(-1, 16))])
-def test_twins_that_do_not_pair_up_are_refused(twins):
+@pytest.mark.parametrize("mirror_joints", [[0], list(range(1, 17)) + [0], [0] * 17, [99] * 17, list(range(-1, 16))])
+def test_twins_that_do_not_pair_up_are_refused(mirror_joints):
     with pytest.raises(MotionKitError, match="cannot tell left from right"):
-        act("world", *walk()).mirror(twins)
+        act("world", *walk()).mirror(mirror_joints)
 
 
 def test_twins_whose_parents_are_no_twins_are_refused():
-    twins = list(range(len(BODY)))
+    mirror_joints = list(range(len(BODY)))
     a, b = NAMES.index("LeftHand"), NAMES.index("RightHand")
-    twins[a], twins[b] = b, a
-    with pytest.raises(MotionKitError, match="'LeftHand' and 'RightHand' are mirror twins, but their parents"):
-        act("world", *walk()).mirror(twins)
+    mirror_joints[a], mirror_joints[b] = b, a
+    with pytest.raises(MotionKitError, match="'LeftHand' and 'RightHand' mirror each other, but their parents"):
+        act("world", *walk()).mirror(mirror_joints)
 
 
 def test_a_rest_pose_that_is_no_mirror_image_is_refused():

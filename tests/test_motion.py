@@ -177,8 +177,8 @@ def test_resampling_the_shortest_motions():
 
 def test_a_smooth_rate_goes_through_every_frame_and_has_no_corners():
     m = spinning()
-    assert same(m.resample(60, smooth=True)[::2], m) and same(m.at(torch.arange(60), smooth=True), m)
-    assert same(m.at(torch.tensor([-5.0, 99.0]), smooth=True), concatenate([m[0], m[-1]]))
+    assert same(m.resample(60, smooth=True)[::2], m) and same(m.sample(torch.arange(60), smooth=True), m)
+    assert same(m.sample(torch.tensor([-5.0, 99.0]), smooth=True), concatenate([m[0], m[-1]]))
     bend = torch.linspace(0, 3, 31, dtype=torch.float64)[:, None, None] ** 2 * torch.tensor([1.0, 0.0, 0.0])
     arc = m[:31].replace(translations=bend.expand(-1, m.translations.shape[1], -1))
     gap = (arc.resample(300, smooth=True).translations[:, 0, 0].sqrt() - torch.linspace(0, 3, 301).double()).abs()
@@ -197,11 +197,11 @@ def test_resampling_to_no_frame_rate_is_refused(fps):
 
 def test_frames_between_frames():
     m = spinning()
-    between = m.at(torch.tensor([0.5, 10.0, 58.75]))
+    between = m.sample(torch.tensor([0.5, 10.0, 58.75]))
     assert torch.allclose(between.translations[:, 0, 0] * 30, torch.tensor([0.5, 10.0, 58.75], dtype=torch.float64))
-    assert same(m.at(torch.tensor([-5.0, 99.0])), concatenate([m[0], m[-1]]))
+    assert same(m.sample(torch.tensor([-5.0, 99.0])), concatenate([m[0], m[-1]]))
     with pytest.raises(MotionKitError, match="no frames to read"):
-        m[:0].at(torch.tensor([0.0]))
+        m[:0].sample(torch.tensor([0.0]))
 
 
 # moving
@@ -209,7 +209,7 @@ def test_frames_between_frames():
 
 def test_moving_turns_about_the_origin_then_shifts():
     m = spinning()
-    moved = m.moved(yaw=PI / 2, offset=(0.0, 0.5, 3.0))
+    moved = m.transform(yaw=PI / 2, offset=(0.0, 0.5, 3.0))
     x, y, z = m.positions().unbind(-1)
     assert torch.allclose(moved.positions(), torch.stack((z, y + 0.5, -x + 3.0), -1), atol=1e-6)
     assert torch.allclose(
@@ -219,7 +219,7 @@ def test_moving_turns_about_the_origin_then_shifts():
 
 @pytest.mark.parametrize("yaw", [0.0, 1.0, -2.5])
 def test_a_motion_at_the_origin_starts_above_it_facing_z(yaw):
-    m = spinning().moved(yaw, (3.0, 0.0, -2.0))
+    m = spinning().transform(yaw, (3.0, 0.0, -2.0))
     start = m.at_origin()
     assert start.facing()[0].abs() < 1e-6
     assert start.root_path()[0].abs().max() < 1e-6
@@ -243,10 +243,10 @@ def test_helper_joints_can_be_taken_off_and_put_back():
     generator = torch.Generator().manual_seed(0)
     q = rot.normalize(torch.randn(5, 4, 4, generator=generator))
     m = Motion(s, q, torch.randn(5, 4, 3, generator=generator), 30)
-    alone = m.body()
+    alone = m.without_helper_joints()
     assert alone.skeleton.names == names[1:]
     assert torch.allclose(alone.positions(), m.positions()[:, 1:], atol=1e-5)
-    assert same(m.with_body(alone), m, 1e-5)
+    assert same(m.with_helper_joints_of(alone), m, 1e-5)
 
 
 # joining
@@ -276,7 +276,7 @@ def test_clips_that_do_not_fit_are_not_joined():
 def test_a_body_faces_where_it_was_turned_to(rig, yaw):
     s = body(RIGS[rig])
     assert left_right_pairs(s) == [(2, 3), (4, 5)]
-    m = Motion.from_root(s, rot.identity_quaternion(4, 7), torch.zeros(4, 3), 30).moved(yaw)
+    m = Motion.from_root(s, rot.identity_quaternion(4, 7), torch.zeros(4, 3), 30).transform(yaw)
     assert torch.allclose(m.facing(), torch.full((4,), yaw), atol=1e-5)
 
 
@@ -289,13 +289,13 @@ def test_facing_averages_hips_and_shoulders():
 
 def test_without_hips_and_shoulders_all_pairs_count():
     s = Skeleton(("body", "wing_l", "wing_r"), (-1, 0, 0), torch.tensor([[0.0, 1, 0], [1, 0, 0], [-1, 0, 0]]))
-    m = Motion.from_root(s, rot.identity_quaternion(1, 3), torch.zeros(1, 3), 30).moved(1.2)
+    m = Motion.from_root(s, rot.identity_quaternion(1, 3), torch.zeros(1, 3), 30).transform(1.2)
     assert torch.allclose(m.facing(), torch.tensor([1.2]))
 
 
 def test_without_pairs_the_pelvis_tells():
     s = body("a b c d e f g")
     assert left_right_pairs(s) == []
-    m = Motion.from_root(s, rot.identity_quaternion(2, 7), torch.zeros(2, 3), 30).moved(-1.2)
+    m = Motion.from_root(s, rot.identity_quaternion(2, 7), torch.zeros(2, 3), 30).transform(-1.2)
     assert torch.allclose(m.facing(), torch.tensor([-1.2, -1.2]))
     assert facing_of(s, m.positions()).tolist() == [0, 0]

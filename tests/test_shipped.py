@@ -139,7 +139,7 @@ def test_style_erd_comes_near_the_performers_own_answer():
     for content in ("walk", "kick"):
         played = perform(content, "neutral", seed=920, seconds=4.0, performer=46)
         for style in ("old", "proud", "depressed"):
-            answer = retell(played, style).along(played)
+            answer = retell(played, style).time_aligned(played)
             made = method.stylize(played.motion, style, content_label=content, content_style="neutral")
             errors.append((error_against(made, answer), error_against(played.motion, answer)))
     mine, untouched = (sum(part) for part in zip(*errors))

@@ -1,4 +1,4 @@
-"""What a skeleton's names and offsets tell: sides, twins, roles, pelvis, parts, size; on the rigs people have."""
+"""What names and offsets of a skeleton tell: sides, mirror joints, roles, pelvis, parts, size; on rigs people have."""
 
 import pytest
 import torch
@@ -47,7 +47,7 @@ def test_names_of_many_rigs_tell_roles_sides_and_twins(style):
             assert s.roles[f"{side}_{role}"] == first + n, (role, s.names)
             assert s.sides[first + n] == side
     assert s.sides[:4] == ("middle",) * 4
-    assert [s.twins[n] for n in range(4, 11)] == list(range(11, 18)) and s.twins[:4] == (0, 1, 2, 3)
+    assert [s.mirror_joints[n] for n in range(4, 11)] == list(range(11, 18)) and s.mirror_joints[:4] == (0, 1, 2, 3)
     assert s.pelvis == 0
 
 
@@ -64,7 +64,7 @@ def test_a_helper_joint_on_the_ground_is_not_the_pelvis():
     names, parents = ("joint_Root", *s.names), (-1, *(p + 1 for p in s.parents))
     helped = Skeleton(names, parents, torch.cat((torch.zeros(1, 3), s.offsets)))
     assert helped.pelvis == 1 and helped.height == pytest.approx(s.height, abs=1e-5)
-    assert helped.part(helped.below(1)).names == s.names
+    assert helped.subtree(helped.descendants(1)).names == s.names
 
 
 def test_pelvis_of_rigs_without_names():
@@ -86,8 +86,8 @@ def test_words_and_sides():
 
 
 def test_twins_are_unknown_where_one_is_missing():
-    assert skeleton.find_twins(["Hips", "LeftFoot"]) is None
-    assert skeleton.find_twins(["a", "b"]) == (0, 1)
+    assert skeleton.find_mirror_joints(["Hips", "LeftFoot"]) is None
+    assert skeleton.find_mirror_joints(["a", "b"]) == (0, 1)
 
 
 def test_feet():
@@ -102,7 +102,7 @@ def test_levels_and_chains_cover_every_joint_once():
     assert sorted(j for level in s.levels for j in level) == list(range(22))
     order, back = s.level_order
     assert torch.equal(order[back], torch.arange(22))
-    assert [s.names[j] for j in s.chain(s.index("left_knee"))] == ["pelvis", "left_hip", "left_knee"]
+    assert [s.names[j] for j in s.ancestors(s.index("left_knee"))] == ["pelvis", "left_hip", "left_knee"]
 
 
 @pytest.mark.parametrize(

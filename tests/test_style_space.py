@@ -183,7 +183,7 @@ def test_only_the_code_is_learned_and_kept(prior, small, tmp_path):
 
 def test_a_clip_or_a_name_may_stand_for_a_style(small):
     method = mk.methods.load("few-shot", recipe=Recipe(model="space", pair="space", steps=2, rate=0.05), space=small)
-    method = method.having(weights=(1.0, 0.0))
+    method = method.with_recipe(weights=(1.0, 0.0))
     walk, old = (mk.load(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old"))
     for style, name in (("zombie", "zombie"), ("an old person walks", "old"), (old, "walk_old")):
         out = method.stylize(walk, style, caption="a person walks")
@@ -241,7 +241,7 @@ def test_a_style_that_nobody_has_seen_is_carried_over():
     method, style = mk.methods.load("few-shot"), perform("walk", "zombie", seed=3, seconds=4.0)
     assert method.recipe == Recipe.in_space()
     kick = perform("kick", "neutral", seed=7, seconds=5.0)
-    answer = retell(kick, "zombie").along(kick)
+    answer = retell(kick, "zombie").time_aligned(kick)
     learned = method.learn(style.motion, "a person walks in a zombie-like way", title="")
     error = error_against(method.stylize(kick.motion, learned, caption="a person kicks"), answer)
     assert error < 0.5 * error_against(kick.motion, answer)

@@ -44,7 +44,7 @@ def bandai(split, figures: dict) -> dict:
     """Tables 1 to 3 and figure 8, on captures; prior and discriminator learned from their training part."""
     protocol = replace(PROTOCOLS["paper-1"], name="paper-1, one example", examples=EXAMPLES)
     start = mk.methods.load("few-shot", prior="bandai-2", library=split.train, recipe=Recipe.laptop())
-    methods = {name: start.having(**vars(recipe)) for name, recipe in ABLATIONS.items()}
+    methods = {name: start.with_recipe(**vars(recipe)) for name, recipe in ABLATIONS.items()}
     table = mk.arena.run(methods | {"statistics": "statistics"}, split, protocol)
     print(table)
     found = {row["method"]: row for row in table.records()}

@@ -53,7 +53,7 @@ def times() -> dict:
     with tempfile.TemporaryDirectory() as folder:
         size = learned.save(Path(folder, "style.safetensors")).stat().st_size
     figures["style_file_mb"] = figure(size / 1e6, 1, "MB", "rank 8, numbers of 16 bits", False)
-    layout, chain = FacingFree(smpl(), 30), PartialDiffusion.like_paper(method.prior.schedule)
+    layout, chain = FacingFree(smpl(), 30), PartialDiffusion.from_paper(method.prior.schedule)
     network = Denoiser(layout.size, 128, TransformerConfig.paper()).eval()  # fresh weights are as fast
     x, words = torch.randn(1, 120, layout.size), torch.randn(1, 128)
     with torch.inference_mode():

@@ -90,7 +90,7 @@ def beginnings(model: ErdModel, figures: dict) -> list[dict]:
     for k, content in enumerate(model.contents):
         played = perform(content, "neutral", seed=700 + k, seconds=4.0, fps=model.fps, performer=46)
         for style in model.styles[1:]:
-            answer = retell(played, style).along(played)
+            answer = retell(played, style).time_aligned(played)
             for name, one in (("learned", model), ("zero", bare)):
                 labels = {"content_label": content, "content_style": "neutral"}
                 made = StyleErdMethod(one).stylize(played.motion, style, lock=False, **labels)

@@ -64,7 +64,7 @@ def answers() -> Iterator[tuple[str, Tensor]]:
         yield from numbers(f"few-shot {name}", paper.stylize(content, adapted, caption="a person walks"))
         yield from numbers(f"style-erd {name}", erd.stylize(content, style="old"))
         for layout in ("FacingFree", "HumanML3D", "StyleERD", "Graph", "SixD"):
-            body = content.body() if layout != "SixD" else content
+            body = content.without_helper_joints() if layout != "SixD" else content
             yield f"{layout} {name}", getattr(mk.features, layout)(body.skeleton, body.fps).encode(body)[::STEP]
 
 

@@ -92,7 +92,7 @@ class Performance:
         frames = torch.arange(len(self.beats), dtype=self.beats.dtype)
         return interpolate(beats.to(self.beats), self.beats, frames)
 
-    def along(self, other: Performance) -> Motion:
+    def time_aligned(self, other: Performance) -> Motion:
         """This motion in the other's time: in each frame it is at the same beat as the other is.
 
         For a `retell`ing of the other, that is the exact answer of a style transfer that keeps the other's timing.
@@ -102,7 +102,7 @@ class Performance:
             raise MotionKitError(
                 f"{self!r} and {other!r} are not tellings of one score; make one with retell(other, style)"
             )
-        return self.motion.at(self.frames_at(other.beats)).replace(fps=other.motion.fps)
+        return self.motion.sample(self.frames_at(other.beats)).replace(fps=other.motion.fps)
 
 
 def perform(
@@ -142,12 +142,12 @@ def perform(
 def retell(performance: Performance, style: str | Style, intensity: float = 1.0) -> Performance:
     """The same intention in another style: same acts, same chance, same person; what differs is the style alone.
 
-    The result agrees with the original beat by beat (`along` brings it to the original's frames). It takes the time
-    that the style takes.
+    The result agrees with the original beat by beat (`time_aligned` brings it to the original's frames). It takes the
+    time that the style takes.
 
     >>> p = perform("walk", "neutral", seed=1, seconds=4)
     >>> old = retell(p, "old")
-    >>> len(old) > len(p), len(old.along(p)) == len(p)
+    >>> len(old) > len(p), len(old.time_aligned(p)) == len(p)
     (True, True)
     """
     if not isinstance(performance, Performance):

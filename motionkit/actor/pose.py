@@ -228,7 +228,7 @@ def _bones(creature: Creature, joint: int, after: int | None) -> list[Tensor]:
     skeleton, rest = creature.skeleton, creature.rest
     if after is not None:
         return [skeleton.offsets[after]]
-    hanging = skeleton.below(joint)
+    hanging = skeleton.descendants(joint)
     return [rest[j] + rest.new_tensor(end) - rest[joint] for j, end in skeleton.end_sites if j in hanging]
 
 

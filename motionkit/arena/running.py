@@ -201,7 +201,7 @@ def _judge_of(judge: object, split: Split) -> object:
                 f"data set {name!r} has {label} {unknown[0]!r}, for which this judge was not trained; it knows "
                 f"{', '.join(classifier.labels)}. Give a judge of this data set: run(..., judge=...)"
             )
-        body = split.test[0].motion.body().skeleton
+        body = split.test[0].motion.without_helper_joints().skeleton
         if not classifier.skeleton.same_tree(body):
             raise MotionKitError(
                 f"data set {name!r} has {body!r}, and this judge's {label} classifier was trained on "

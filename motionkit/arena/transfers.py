@@ -359,7 +359,7 @@ class GroundTruth:
             pass  # not told yet
         performance = _performance(self.sources[content.name])
         try:
-            told = retell(performance, style).along(performance)
+            told = retell(performance, style).time_aligned(performance)
         except MotionKitError:
             return None
         if len(told) != len(content):
@@ -383,7 +383,7 @@ def error_against(result: Motion, answer: Motion) -> float:
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> error_against(walk.moved(1.0, (2.0, 0.0, 0.0)), walk) < 0.01
+    >>> error_against(walk.transform(1.0, (2.0, 0.0, 0.0)), walk) < 0.01
     True
     """
     places = (from_own_place(answer, motion.positions()) for motion in (result, answer))
@@ -605,7 +605,7 @@ class Evaluator:
         content, given, found, tremble = self.known(transfer.content)
         same = len(result) == len(content)
         shares = torch.linspace(0, len(result) - 1, len(content), dtype=torch.float64)
-        path = result if same else result.at(shares)  # at equal shares of either clip
+        path = result if same else result.sample(shares)  # at equal shares of either clip
         answer = None
         if self.truths is not None and same:
             answer = self.truths.answer(self.test[transfer.content], self.test[transfer.style].style)

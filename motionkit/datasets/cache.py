@@ -435,7 +435,7 @@ def recording_rows(name: str, recording: Recording) -> Read:
     motion = recording.motion
     s = motion.skeleton
     tree = {"names": s.names, "parents": s.parents, "offsets": s.offsets.tolist(), "channels": s.channels}
-    tree |= {"end_sites": s.end_sites, "twins": s.twins}
+    tree |= {"end_sites": s.end_sites, "twins": s.mirror_joints}
     tracks = dict(recording.tracks)
     if "contacts" not in tracks:
         tracks |= _contacts(motion.replace(skeleton=_shared(json.dumps(tree), s)))

@@ -106,7 +106,7 @@ def motion_from_local(
     """
     world = kinematics.world_rotations(skeleton, local)
     translations = skeleton.offsets.to(local).expand(len(local), -1, -1).clone()
-    for joint in skeleton.chain(skeleton.pelvis):
+    for joint in skeleton.ancestors(skeleton.pelvis):
         here = pelvis if joint == skeleton.pelvis else positions[:, joint]
         parent = skeleton.parents[joint]
         if parent >= 0:
@@ -137,11 +137,11 @@ def motion_from_positions(
     if not keep_lengths:
         offsets = torch.cat((skeleton.offsets[:1].to(seen), seen.mean(0)))
         skeleton = Skeleton(
-            skeleton.names, skeleton.parents, offsets, skeleton.channels, skeleton.end_sites, skeleton.twins
+            skeleton.names, skeleton.parents, offsets, skeleton.channels, skeleton.end_sites, skeleton.mirror_joints
         )
     translations = skeleton.offsets.to(positions).expand(len(positions), -1, -1).clone()
     translations[:, 0] = positions[:, 0]
-    for joint in skeleton.chain(skeleton.pelvis)[1:]:  # below a helper joint the body may stand anywhere
+    for joint in skeleton.ancestors(skeleton.pelvis)[1:]:  # below a helper joint the body may stand anywhere
         translations[:, joint] = seen[:, joint - 1]
     local = rot.quaternion_unroll(kinematics.local_rotations(skeleton, world))
     return Motion(skeleton, local, translations, fps, name)
@@ -149,7 +149,7 @@ def motion_from_positions(
 
 def _world_rotations(positions: Tensor, skeleton: Skeleton) -> Tensor:
     world: list[Tensor] = [rot.identity_quaternion(len(positions), dtype=positions.dtype)] * len(skeleton)
-    body = set(skeleton.chain(skeleton.pelvis)[:-1])
+    body = set(skeleton.ancestors(skeleton.pelvis)[:-1])
     for level in skeleton.levels:
         for joint in level:
             above = world[skeleton.parents[joint]] if joint else world[0]

@@ -70,7 +70,7 @@ class FacingFree(Layout):
     def _against_facing(self, local: Tensor, world: Tensor, turn: Tensor) -> Tensor:
         """Local rotations [F, J, 4], but those of the pelvis and of helper joints above it in the world, turned."""
         local = local.clone()
-        for joint in self.skeleton.chain(self.skeleton.pelvis):
+        for joint in self.skeleton.ancestors(self.skeleton.pelvis):
             local[:, joint] = rot.quaternion_multiply(turn, world[:, joint])
         return local
 
@@ -95,7 +95,7 @@ class FacingFree(Layout):
         x = self._check(x)
         yaw, ground = self.path(x)
         found = rot.sixd_to_quaternion(x[:, self.slices["rotations"]].unflatten(1, (-1, 6)))[:, self.file_order]
-        above = list(self.skeleton.chain(self.skeleton.pelvis))
+        above = list(self.skeleton.ancestors(self.skeleton.pelvis))
         world = found.clone()
         world[:, above] = rot.quaternion_multiply(rot.yaw_to_quaternion(yaw)[:, None], found[:, above])
         local = found.clone()
@@ -114,7 +114,7 @@ class OfBody(FacingFree):
 
     def encode(self, motion: Motion) -> Tensor:
         """A motion of F frames, its joints in any order, to features [F, D]; MotionKitError as in `FacingFree`."""
-        body = motion.body()
+        body = motion.without_helper_joints()
         return super().encode(body if self._skeleton is None else in_order(body, self._skeleton))
 
 
@@ -130,7 +130,7 @@ def encode_normalized(motion: Motion, layout: OfBody, normalizer: Normalizer) ->
 def scaled_skeleton(layout: FacingFree, x: Tensor) -> Skeleton:
     """The layout's skeleton, as large as the body whose joints' positions are among the features [F, D]."""
     skeleton, places = layout.skeleton, layout.positions(x)
-    above_pelvis = skeleton.chain(skeleton.pelvis)  # helper joints, which may be anywhere
+    above_pelvis = skeleton.ancestors(skeleton.pelvis)  # helper joints, which may be anywhere
     below = [j for j in range(len(skeleton)) if j not in above_pelvis and skeleton.offsets[j].norm() > 0]
     above = [skeleton.parents[joint] for joint in below]
     lengths = (places[:, below] - places[:, above]).norm(dim=-1).mean(0)

@@ -98,7 +98,7 @@ def plot_from_side(motions: Mapping[str, object], right: str) -> object:
     panels = picture.subplots(len(motions), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for ax, (name, motion) in zip(panels, motions.items()):
         skeleton = motion.skeleton
-        body = skeleton.below(skeleton.pelvis)  # what leads from a point on the ground to the hips is no bone
+        body = skeleton.descendants(skeleton.pelvis)  # what leads from a point on the ground to the hips is no bone
         for p in motion.positions():
             for j, parent in enumerate(skeleton.parents):
                 if parent in body:
@@ -425,7 +425,7 @@ def plot_turned(
     ax, picture = _axes(ax, (5.4, 4.6))
     at, skeleton = motion[frame].at_origin(), motion.skeleton
     number, size = skeleton.index(joint), skeleton.height or 1.0
-    carried, chain = skeleton.below(number), skeleton.chain(number)
+    carried, chain = skeleton.descendants(number), skeleton.ancestors(number)
     before, after = figures([at, turn_joint(at, joint, axis, degrees)], layout="overlay")
     palette = [
         colours.ROLES["result"] if j in carried[1:] else "#56616e" if j in chain else "#b9c1cb"
@@ -486,8 +486,8 @@ def _write_chain(picture: object, skeleton: object, joint: int) -> None:
     """At the right, the joints from the root down to the one turned, and those that it carries."""
     from matplotlib.offsetbox import AnchoredOffsetbox, TextArea, VPacker
 
-    chain = [skeleton.names[j] for j in skeleton.chain(joint)]
-    carried = [skeleton.names[j] for j in skeleton.below(joint)[1:]] or ["nothing: it is a leaf"]
+    chain = [skeleton.names[j] for j in skeleton.ancestors(joint)]
+    carried = [skeleton.names[j] for j in skeleton.descendants(joint)[1:]] or ["nothing: it is a leaf"]
     shown = carried if len(carried) <= 7 else [*carried[:6], f"and {len(carried) - 6} more"]
     deep = colours.mix(colours.ROLES["result"], "#5a3d00", 0.45)
     parts = (("the chain from the root", SOFT), (chain, "#56616e"), ("\nwhat it carries", SOFT), (shown, deep))

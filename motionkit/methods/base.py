@@ -69,14 +69,15 @@ _BODIES: WeakKeyDictionary[Skeleton, Skeleton] = WeakKeyDictionary()
 
 
 def without_helper_joints(motion: Motion) -> Motion:
-    """`Motion.body`, with one skeleton object for all motions that share theirs: what it knows is worked out once.
+    """`Motion.without_helper_joints`, with one skeleton object for all motions that share theirs: what it knows is
+    worked out once.
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
     >>> without_helper_joints(walk) is walk
     True
     """
-    body = motion.body()
+    body = motion.without_helper_joints()
     return body if body is motion else body.replace(skeleton=_BODIES.setdefault(motion.skeleton, body.skeleton))
 
 
@@ -86,12 +87,12 @@ def same_rest(a: Skeleton, b: Skeleton) -> bool:
     Bone lengths may differ. What stands above the pelvis does not count.
 
     >>> from motionkit.skeleton import smpl
-    >>> same_rest(smpl(), smpl(height=1.2, broad=0.1)), same_rest(smpl(), smpl().part([0, 1, 4]))
+    >>> same_rest(smpl(), smpl(height=1.2, broad=0.1)), same_rest(smpl(), smpl().subtree([0, 1, 4]))
     (True, False)
     """
     if a is b or not a.same_tree(b):
         return a is b
-    bones = a.below(a.pelvis)[1:]
+    bones = a.descendants(a.pelvis)[1:]
     u, v = (rot.normalize(s.offsets[bones].double()) for s in (a, b))
     return not bones or float((u - v).norm(dim=-1).max()) < 0.15  # a broader body's bones lean a little more
 
@@ -222,14 +223,14 @@ def align_start(body: Motion, content: Motion) -> Motion:
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> gap = align_start(walk.moved(1.0, (2.0, 0.0, 3.0)), walk).positions() - walk.positions()
+    >>> gap = align_start(walk.transform(1.0, (2.0, 0.0, 3.0)), walk).positions() - walk.positions()
     >>> bool(gap.abs().max() < 1e-4)
     True
     """
     start, there = content[:1], body[:1]
-    turned = body.moved(start.facing()[0] - there.facing()[0])
+    turned = body.transform(start.facing()[0] - there.facing()[0])
     shift = start.root_path()[0] - turned[:1].root_path()[0]
-    return turned.moved(offset=(float(shift[0]), 0.0, float(shift[1])))
+    return turned.transform(offset=(float(shift[0]), 0.0, float(shift[1])))
 
 
 def clean_up_feet(body: Motion, content: Motion) -> Motion:
@@ -239,7 +240,7 @@ def clean_up_feet(body: Motion, content: Motion) -> Motion:
 
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> float(clean_up_feet(walk.moved(offset=(0, 0.1, 0)), walk).positions()[..., 1].min()) < 0.02
+    >>> float(clean_up_feet(walk.transform(offset=(0, 0.1, 0)), walk).positions()[..., 1].min()) < 0.02
     True
     """
     try:
@@ -247,7 +248,7 @@ def clean_up_feet(body: Motion, content: Motion) -> Motion:
     except MotionKitError:
         return body
     stands = foot_contacts(content)
-    tips = [n for n, j in enumerate(feet) if not set(body.skeleton.below(j)[1:]) & set(feet)]  # toes, not ankles
+    tips = [n for n, j in enumerate(feet) if not set(body.skeleton.descendants(j)[1:]) & set(feet)]  # toes, not ankles
     higher = (content.positions() - body.positions())[:, [feet[n] for n in tips], 1]
     translations = body.translations.clone()
     translations[:, 0, 1] += (higher[stands[:, tips]] if stands[:, tips].any() else higher).median()
@@ -261,7 +262,7 @@ def _above_ground(body: Motion, content: Motion, feet: list[int]) -> Motion:
         leg = tuple(body.skeleton.roles.get(f"{side}_{r}", -1) for r in ("hip", "knee", "ankle"))
         if min(leg) < 0 or [body.skeleton.parents[j] for j in leg[1:]] != list(leg[:2]):
             continue
-        mine = [n for n, j in enumerate(feet) if leg[2] in body.skeleton.chain(j)]
+        mine = [n for n, j in enumerate(feet) if leg[2] in body.skeleton.ancestors(j)]
         places = body.positions()
         under = (floor[mine] - places[:, [feet[n] for n in mine], 1]).amax(1).clamp(min=0)
         if under.max() > _UNDER:

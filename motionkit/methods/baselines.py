@@ -74,8 +74,8 @@ class CopyStyle:
         check_motions(self.name, content, style)
         body = without_helper_joints(content)
         copied = align_start(retarget_to(without_helper_joints(style.resample(content.fps)), body), body)
-        around = content.at(torch.arange(len(copied)))  # helper joints above the pelvis, as the content has them
-        return around.with_body(copied).replace(name=result_name(content, style))
+        around = content.sample(torch.arange(len(copied)))  # helper joints above the pelvis, as the content has them
+        return around.with_helper_joints_of(copied).replace(name=result_name(content, style))
 
 
 def match_statistics(content: Tensor, style: Tensor, most: float = 3.0) -> Tensor:
@@ -131,10 +131,10 @@ class Statistics:
         y[:, :3] = x[:, :3]  # the path is the content's; only its speed is warped
         factor = 1 + strength * (clamp_ratio(style_liveliness / liveliness(given)) - 1)
         place = given.translations[0, 0] * torch.tensor([1.0, 0.0, 1.0])
-        body = layout.decode(warp_velocity(y, factor)).moved(given[:1].facing()[0], place)
+        body = layout.decode(warp_velocity(y, factor)).transform(given[:1].facing()[0], place)
         if lock:
             body = clean_up_feet(body, given)
-        return content.with_body(body).replace(name=result_name(content, style))
+        return content.with_helper_joints_of(body).replace(name=result_name(content, style))
 
     def _style(self, style: Motion, content: Motion) -> tuple[Tensor, float]:
         """The style's features [G, D] on the content's kind of body, and how lively it is."""
@@ -223,7 +223,7 @@ class KnnDtw(ByLabels):
         body = match_root_speed(body, given)
         if lock:
             body = clean_up_feet(body, given)
-        return content.with_body(body).replace(name=result_name(content, style))
+        return content.with_helper_joints_of(body).replace(name=result_name(content, style))
 
 
 def carry_difference(motion: Motion, known: Tensor, differences: Tensor) -> Tensor:
@@ -374,7 +374,7 @@ class Linear(ByLabels):
         body = match_root_speed(body, given)
         if lock:
             body = clean_up_feet(body, given)
-        return content.with_body(body).replace(name=result_name(content, style))
+        return content.with_helper_joints_of(body).replace(name=result_name(content, style))
 
     def _known(self, style: str) -> str:
         styles = self.pairs.library.styles

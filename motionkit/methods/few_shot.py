@@ -65,7 +65,7 @@ class LoRA(nn.Module):
     Every matrix W becomes W + B A with A [rank, in] and B [out, rank] (low-rank adaptation, Hu et al. 2022), every
     vector gets one to add; with rank 0 every matrix gets a whole matrix to add, as in paper 1. At first nothing is
     changed. network: stays as it is and belongs to all adapters alike. Raises MotionKitError for a rank below 0.
-    `hears_style`: it is given sentences told in the style.
+    `uses_style_text`: it is given sentences told in the style.
 
     >>> from motionkit.layers import TransformerConfig
     >>> network = Denoiser(features=10, text_size=16, config=TransformerConfig.tiny())
@@ -75,7 +75,7 @@ class LoRA(nn.Module):
     True
     """
 
-    hears_style = True
+    uses_style_text = True
 
     def __init__(self, network: Denoiser, rank: int = 8, seed: int = 0) -> None:
         super().__init__()
@@ -111,7 +111,7 @@ class LoRA(nn.Module):
         """As `layers.Denoiser.forward`."""
         return functional_call(self.network, self.weights(), (x, t, text, mask))
 
-    def frozen(self):
+    def merged(self):
         """The changed denoiser as a function that works its weights out once: for use after training."""
         with torch.no_grad():
             weights = self.weights()
@@ -142,7 +142,7 @@ def neutral_pair(
     more: what `sampling.ddpm` takes beside, such as `callback`. Raises MotionKitError as `Prior.predict` does.
     """
     x = prior.encode(style)[None]
-    start = prior.schedule.step_like(noise, PAPER_SCHEDULE)
+    start = prior.schedule.matching_step(noise, PAPER_SCHEDULE)
     chance = torch.Generator().manual_seed(seed)
     noised = add_noise(x, start, prior.schedule, torch.randn(x.shape, generator=chance))
     keep = sampling.inpainting(x[0], sampling.feature_mask(prior.layout, *KEPT))
@@ -175,11 +175,11 @@ class LearnedStyle:
     @cached_property
     def network(self):
         """The changed denoiser, epsilon_theta_s."""
-        return self.adapter.frozen()
+        return self.adapter.merged()
 
     def predict(self, caption: str) -> Denoise:
         """The changed denoiser with a content's sentence told in this style, for any function of `sampling`."""
-        told = text.to_style(caption, self.style) if self.adapter.hears_style else text.to_neutral(caption)
+        told = text.to_style(caption, self.style) if self.adapter.uses_style_text else text.to_neutral(caption)
         words = self.prior.encoder.encode([told])
         return lambda x, t: self.network(x, t, words.expand(len(x), -1))
 
@@ -335,12 +335,12 @@ def with_autoencoder(prior: Prior, library: Dataset, steps: int = _AE_STEPS, see
     torch.manual_seed(seed)
     network = ConvAutoencoder(prior.layout.size, prior.longest)
 
-    def loss_of(model: nn.Module, step: int) -> Tensor:
+    def loss_fn(model: nn.Module, step: int) -> Tensor:
         x = prior.normalizer.normalize(encoded.draw(long[torch.randint(len(long), (_AE_BATCH,))], _AE_FRAMES))
         return ((model(x) - x) ** 2).mean()
 
     running.setdefault("title", "an autoencoder")
-    fit(network, loss_of, TrainConfig(steps, _AE_RATE, seed=seed), **running)
+    fit(network, loss_fn, TrainConfig(steps, _AE_RATE, seed=seed), **running)
     return replace(prior, network=network)
 
 
@@ -493,7 +493,7 @@ class FinetuneTask:
     space: StyleCodeModel | None = None
 
     @cached_property
-    def own_text(self) -> Tensor:
+    def style_text(self) -> Tensor:
         """E_text(d^s), [1, E]; neutral where a space of styles is told the style otherwise."""
         return self.prior.encoder.encode([self.prompt if self.space is None else text.to_neutral(self.prompt)])
 
@@ -509,12 +509,12 @@ class FinetuneTask:
         """E_text of the contents' sentences told in the style, D^(c,s), [N, E]."""
         return self.prior.encoder.encode([text.to_style(caption, self.style) for caption in self.contents.captions])
 
-    def example_loss(self, network: Callable[..., Tensor]) -> Tensor:
+    def reconstruction_loss(self, network: Callable[..., Tensor]) -> Tensor:
         """L_sr of a network (x, t, text) that is being taught (paper 1, eqs. 9 and 10)."""
-        seen = self.chain.reverse(lambda x, t: network(x, t, self.own_text), self.own_noised)
+        seen = self.chain.reverse(lambda x, t: network(x, t, self.style_text), self.own_noised)
         return reconstruction_loss(seen, self.styled)
 
-    def meaning_loss(self, network: Callable[..., Tensor], batch: int) -> Tensor:
+    def semantic_loss(self, network: Callable[..., Tensor], batch: int) -> Tensor:
         """L_s: contents restyled by the network, as the frozen discriminator sees them (paper 1, eq. 11).
 
         batch: how many contents are drawn, by torch's random numbers.
@@ -543,14 +543,14 @@ def finetune(lesson: FinetuneTask, recipe: Recipe, seed: int = 0, **running) -> 
     same = f"{recipe}, {lesson.prompt!r}, {len(lesson.styled)} frames"
     schedule = TrainConfig(recipe.steps, recipe.rate, decay=0.0, seed=seed, recipe=same)
 
-    def loss_of(network: torch.nn.Module, step: int) -> Tensor:
-        example = lesson.example_loss(network)
+    def loss_fn(network: torch.nn.Module, step: int) -> Tensor:
+        example = lesson.reconstruction_loss(network)
         guided = recipe.weights[1] > 0 and lesson.contents is not None
-        meaning = lesson.meaning_loss(network, recipe.batch) if guided else example.new_zeros(())
+        meaning = lesson.semantic_loss(network, recipe.batch) if guided else example.new_zeros(())
         total = total_loss(example, meaning, recipe.weights)
         return total + adapter.unlikely() if in_space else total
 
-    return adapter, fit(adapter, loss_of, schedule, **running)
+    return adapter, fit(adapter, loss_fn, schedule, **running)
 
 
 _RUNNING = ("content", "keep", "every", "show", "title")
@@ -579,7 +579,7 @@ def as_styles(method, style: object) -> dict[LearnedStyle, float]:
     styles = {named_style(method.space, one) if isinstance(one, str) else one: share for one, share in mix.items()}
     if not styles or not all(isinstance(one, LearnedStyle) for one in styles):
         raise MotionKitError(f"few-shot takes learned styles, a clip, or the name of a style; found {style!r:.80}")
-    if any(one.prior.key != method.taught.key for one in styles):
+    if any(one.prior.key != method.model.key for one in styles):
         raise MotionKitError("few-shot: this style was learned with another prior; learn it with this one")
     for one, weight in styles.items():
         check_strength(f"few-shot: the weight of style {one.style!r}", weight)
@@ -613,7 +613,9 @@ def check_learning(method, clip: object, prompt: object, running: Mapping) -> No
         )
     for name in running:
         if name not in _RUNNING:
-            hint = ": give it to mk.methods.load('few-shot', recipe=...), or method.having(...)" * (name == "recipe")
+            hint = ": give it to mk.methods.load('few-shot', recipe=...), or method.with_recipe(...)" * (
+                name == "recipe"
+            )
             raise MotionKitError(f"few-shot: learn takes {', '.join(_RUNNING)} beside the clip, not {name!r}{hint}")
 
 
@@ -695,7 +697,7 @@ class FewShot:
         if self.recipe.model == "autoencoder":
             return Direct()
         if self.recipe.model == "diffusion":
-            return PartialDiffusion.like_paper(self.prior.schedule, self.recipe.change, self.recipe.chain)
+            return PartialDiffusion.from_paper(self.prior.schedule, self.recipe.change, self.recipe.chain)
         if self.space is None or self.space.prior.key != self.prior.key:
             raise MotionKitError("few-shot: there is no space of styles of this prior; give space=, or another recipe")
         return self.space.chain
@@ -717,7 +719,7 @@ class FewShot:
         self.__dict__.update(state)
         self.fit(self._library)
 
-    def having(self, **changes) -> FewShot:
+    def with_recipe(self, **changes) -> FewShot:
         """The same method with another recipe, such as `having(change=200)`: prior, library and seed stay."""
         recipe = self.recipe.changed(**changes)
         other = FewShot(self.prior, self.discriminator, self._library, recipe, self.seed, self.space)
@@ -732,7 +734,7 @@ class FewShot:
         return NeutralPairs(self._library)
 
     @cached_property
-    def taught(self) -> Prior:
+    def model(self) -> Prior:
         """What is fine-tuned: the prior, or the autoencoder in its place, which then learns first (table 3)."""
         if self.recipe.model != "autoencoder":
             return self.prior
@@ -762,7 +764,7 @@ class FewShot:
         card = {"steps": self.recipe.steps, "seconds": round(run.seconds, 1), "seed": self.seed}
         card |= {"data": self.prior.card.get("data", ""), "licence": self.prior.card.get("licence", "")}
         words = style.name or NAMELESS if nameless else lesson.style
-        self.last = LearnedStyle(self.taught, adapter, self.chain, prompt, words, card, lesson.neutral)
+        self.last = LearnedStyle(self.model, adapter, self.chain, prompt, words, card, lesson.neutral)
         return self.last
 
     def lesson(self, style: Motion, prompt: str, content: str | None = None) -> FinetuneTask:
@@ -776,7 +778,7 @@ class FewShot:
         neutral = self.neutral_of(clip, prompt, content)
         wanted = self.recipe.weights[1] > 0
         return FinetuneTask(
-            self.taught,
+            self.model,
             self.discriminator,
             chain,
             self.prior.encode(clip),
@@ -795,7 +797,7 @@ class FewShot:
 
     def load_style(self, path: str | os.PathLike) -> LearnedStyle:
         """A style that was saved; `stylize` uses it from now on. MotionKitError where it does not fit the prior."""
-        self.last = LearnedStyle.load(path, self.taught, self.space)
+        self.last = LearnedStyle.load(path, self.model, self.space)
         return self.last
 
     def stylize(
@@ -832,7 +834,7 @@ class FewShot:
         body = self._restyled(x, caption, {one: strength * weight for one, weight in styles.items()}, seen, given)
         if lock:
             body = clean_up_feet(body, given)
-        return content.with_body(body).replace(name=result_name(content, what))
+        return content.with_helper_joints_of(body).replace(name=result_name(content, what))
 
     def _restyled(
         self, x: Tensor, caption: str, styles: Mapping[LearnedStyle, float], seen: Motion, given: Motion
@@ -857,7 +859,7 @@ class FewShot:
         The second answer is what the prior itself makes on the way back: the content, as nearly as it can.
         """
         chain = next(iter(styles)).chain
-        plain = self._windows(self.taught.predict([caption], 1.0))
+        plain = self._windows(self.model.predict([caption], 1.0))
         longer = torch.cat((x[:1].expand(_BEYOND, -1), x, x[-1:].expand(_BEYOND, -1)))
         noised = chain.forward(plain, longer[None])
         there = self._windows(blend(styles, caption, plain))
@@ -876,7 +878,7 @@ class FewShot:
         body = self._decoded(x, self.prior.encode(seen), seen, given)
         body = match_root_speed(body, given) if warp else body
         body = clean_up_feet(body, given) if lock else body
-        return motion.with_body(body).replace(name=f"{motion.name}, neutral")
+        return motion.with_helper_joints_of(body).replace(name=f"{motion.name}, neutral")
 
     def caption_of(self, content: Motion) -> str:
         """The neutral sentence that goes best with a motion, of those that the prior knows (paper 1, eq. 6)."""
@@ -920,7 +922,7 @@ class FewShot:
             chosen = [clips[n] for n in order[:_MOST]]
             motions = [self.seen(clip.motion) for clip in chosen]
             frames = min(self.recipe.frames, self.prior.longest, max(map(len, motions)))
-            return ContentBank.of(self.taught, motions, [clip.text for clip in chosen], self.chain, frames, self.seed)
+            return ContentBank.of(self.model, motions, [clip.text for clip in chosen], self.chain, frames, self.seed)
 
         return self._contents.get("contents", work_out)
 
@@ -939,7 +941,9 @@ class FewShot:
         if body.skeleton is not given.skeleton:
             body = retarget_to(body, given)
         if len(body) != len(given):
-            body = body.at(torch.arange(len(given), dtype=torch.float64) * (self.prior.fps / given.fps), smooth=True)
+            body = body.sample(
+                torch.arange(len(given), dtype=torch.float64) * (self.prior.fps / given.fps), smooth=True
+            )
         return align_start(body.replace(fps=given.fps), given)
 
 
@@ -957,7 +961,7 @@ def sweep_noise(method, examples: Sequence[Clip], values: Iterable[int] = PAPER_
     _some("examples", examples)
     rows = []
     for value in values:
-        own = method.having(noise=value)
+        own = method.with_recipe(noise=value)
         made = [own.neutral_motion(clip.motion, clip.text) for clip in examples]
         prompts = [text.to_neutral(clip.text) for clip in examples]
         rows.append({"g": value} | _agreement(method, made, [clip.motion for clip in examples], prompts))
@@ -977,7 +981,7 @@ def sweep_change(
     _some("contents", contents)
     rows = []
     for value in values:
-        own, made, prompts = method.having(change=value), [], []
+        own, made, prompts = method.with_recipe(change=value), [], []
         for example in examples:
             learned = own.learn(example.motion, example.text, content=example.content, title="")
             made += [own.stylize(clip.motion, learned, caption=clip.text) for clip in contents]

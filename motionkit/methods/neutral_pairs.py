@@ -189,7 +189,7 @@ class NeutralPairs:
     def neutral_of(self, motion: Motion, content: str | None = None) -> Motion:
         """The neutral clip of `pair` on the motion's own skeleton: as many frames, starting where the motion starts."""
         found, body = self.pair(motion, content).neutral, without_helper_joints(motion)
-        return motion.with_body(align_start(retarget_to(found, body), body)).replace(
+        return motion.with_helper_joints_of(align_start(retarget_to(found, body), body)).replace(
             name=f"{found.name}, for {motion.name}"
         )
 
@@ -205,7 +205,7 @@ class NeutralPairs:
                 "library of such bodies, as mk.methods.load('knn-dtw', library=dataset)"
             ) from None
         number, frames = self._nearest(pose_velocity_features(seen), numbers, motion.fps)
-        return Pair(seen, self._at_rate(number, motion.fps).at(frames, smooth=self._smooth))
+        return Pair(seen, self._at_rate(number, motion.fps).sample(frames, smooth=self._smooth))
 
     def _at_rate(self, number: int, fps: float) -> Motion:
         return self.clip(number).resample(fps, smooth=self._smooth)

@@ -103,9 +103,9 @@ def _lesson(layout: OfBody, normalizer: Normalizer, number: int, each: int, seed
     for style in styles:
         told = retell(played, style)
         if chance.random() < 0.5 and len(told) >= FRAMES:
-            pairs.append((played.along(told), told.motion))
+            pairs.append((played.time_aligned(told), told.motion))
         else:
-            pairs.append((played.motion, told.along(played)))
+            pairs.append((played.motion, told.time_aligned(played)))
     starts = [chance.randrange(min(len(pair[0]) - FRAMES + 1, _ROOM)) for pair in pairs]
     neutral, styled = (
         torch.stack(
@@ -288,7 +288,7 @@ class StyleCode(nn.Module):
     read off a clip; neutral if left out.
     """
 
-    rank, hears_style = 0, False
+    rank, uses_style_text = 0, False
 
     def __init__(self, space: StyleCodeModel, start: Style | GaussianCode | None = None) -> None:
         super().__init__()
@@ -318,7 +318,7 @@ class StyleCode(nn.Module):
             return _READ * 0.5 * ((off / self.read.spread) ** 2).mean()
         return _UNREAD * torch.log1p((off / _NEAR) ** 2).mean()
 
-    def frozen(self) -> Callable[..., Tensor]:
+    def merged(self) -> Callable[..., Tensor]:
         """As `Adapter.frozen`."""
         code = self.code.detach()
         return lambda x, t, text, mask=None: self.space[0].network(x, t, text, code.expand(len(x), -1), mask)
@@ -359,7 +359,7 @@ def train_decoder(
     schedule = schedule or TrainConfig(STEPS, RATE, average=0.995)
     prior.network.eval()
     chain, words = (
-        PartialDiffusion.like_paper(prior.schedule),
+        PartialDiffusion.from_paper(prior.schedule),
         prior.encoder.encode([text.to_neutral(c) for c in known.captions]),
     )
     plain, changed = (noised(prior, chain, x, words) for x in (known.neutral, known.styled))
@@ -367,7 +367,7 @@ def train_decoder(
     network = CodedDenoiser(copy.deepcopy(prior.network)) if start is None else copy.deepcopy(start.network)
     network.requires_grad_(True)
 
-    def loss_of(model: nn.Module, step: int) -> Tensor:
+    def loss_fn(model: nn.Module, step: int) -> Tensor:
         chosen, here = torch.randint(len(known.styled), (BATCH,)), device_of(model)
         length = int(torch.randint(_SHORTEST // 4, FRAMES // 4 + 1, ())) * 4
         start = int(torch.randint(FRAMES - length + 1, ()))
@@ -379,7 +379,7 @@ def train_decoder(
         code = code.to(here)
         return reconstruction_loss(chain.reverse(lambda x, t: model(x, t, told, code), given), wanted)
 
-    run = fit(network, loss_of, schedule, **running)
+    run = fit(network, loss_fn, schedule, **running)
     space = StyleCodeModel(prior, network.requires_grad_(False), chain)
     space.card = {"seed": schedule.seed, "steps": schedule.steps, "seconds": round(run.seconds)}
     space.card |= {"steps_per_second": round(run.steps_per_second, 2), "hardware": checkpoints.hardware()}
@@ -400,14 +400,14 @@ def train_encoder(space: StyleCodeModel, known: StylePairs, schedule: TrainConfi
     torch.manual_seed(schedule.seed)
     reader = new_style_encoder(space.prior)
 
-    def loss_of(model: nn.Module, step: int) -> Tensor:
+    def loss_fn(model: nn.Module, step: int) -> Tensor:
         chosen, here = torch.randint(len(known.styled), (READER_BATCH,)), device_of(model)
         length = int(torch.randint(_SHORTEST // 4, FRAMES // 4 + 1, ())) * 4
         start = int(torch.randint(FRAMES - length + 1, ()))
         x = known.styled[chosen, start : start + length].float().to(here)
         return beta_nll(GaussianCode.of(model(x)), known.codes[chosen].to(here))
 
-    run = fit(reader, loss_of, schedule, **running)
+    run = fit(reader, loss_fn, schedule, **running)
     space.reader = reader.requires_grad_(False)
     card = {"seed": schedule.seed, "steps": schedule.steps, "seconds": round(run.seconds)}
     card |= {"steps_per_second": round(run.steps_per_second, 2), "hardware": checkpoints.hardware()}

@@ -584,7 +584,7 @@ def motion_from(content: Motion, frames: Frames, rotations: Tensor, velocities: 
     root = torch.stack((path[:, 0], height, path[:, 1]), 1)
     turned = torch.cat((rot.quaternion_multiply(facing, rotations[:, 0])[:, None], rotations[:, 1:]), 1)
     translations = torch.cat((root[:, None], offsets[:, 1:]), 1)
-    return content.with_body(body.replace(rotations=turned, translations=translations))
+    return content.with_helper_joints_of(body.replace(rotations=turned, translations=translations))
 
 
 def filter_height(heights: Tensor, speeds: Tensor, fps: float) -> Tensor:
@@ -901,12 +901,12 @@ def train_content_classifier(
     torch.manual_seed(seed)
     net = ContentClassifier(joints, len(pieces.contents))
 
-    def loss_of(model: nn.Module, step: int) -> Tensor:
+    def loss_fn(model: nn.Module, step: int) -> Tensor:
         chosen = torch.randint(len(pieces.x), (64,))
         return nn.functional.cross_entropy(model(pieces.x[chosen])[0], pieces.content[chosen])
 
     running.setdefault("title", "contents")
-    fit(net, loss_of, TrainConfig(steps, 1e-3, seed=seed), **running)
+    fit(net, loss_fn, TrainConfig(steps, 1e-3, seed=seed), **running)
     return net.requires_grad_(False)
 
 
@@ -1152,7 +1152,7 @@ class StyleErdMethod:
         body = self._back(self._run(seen, style, strength, labels, own), given)
         if lock:
             body = clean_up_feet(body, given)
-        return content.with_body(body).replace(name=result_name(content, _words(what)))
+        return content.with_helper_joints_of(body).replace(name=result_name(content, _words(what)))
 
     def seen(self, motion: Motion) -> Motion:
         """A motion as the model sees it: its skeleton and rate. MotionKitError where it cannot be."""
@@ -1216,9 +1216,9 @@ class StyleErdMethod:
             body = retarget_to(body, given)
         if len(body) != len(given) or abs(body.fps - given.fps) > 1e-3:
             times = torch.arange(len(given), dtype=torch.float64) * (self.model.fps / given.fps)
-            body = body.at(times.clamp(max=len(body) - 1), smooth=True).replace(fps=given.fps)
+            body = body.sample(times.clamp(max=len(body) - 1), smooth=True).replace(fps=given.fps)
         gap = given.root_path()[0] - body.root_path()[0]
-        return body.moved(offset=(float(gap[0]), 0.0, float(gap[1])))
+        return body.transform(offset=(float(gap[0]), 0.0, float(gap[1])))
 
 
 def _rooted(translations: Tensor, roots: Tensor) -> Tensor:

@@ -120,7 +120,7 @@ def learn_style(
     branch = StyleBranch(network, like=_nearest(network, given, wanted, number))
     offsets = clip.translations[0]
 
-    def loss_of(module: nn.Module, step: int) -> Tensor:
+    def loss_fn(module: nn.Module, step: int) -> Tensor:
         rows, content, moving = _drawn(len(clip), number, len(model.contents))
         x = zero_first_velocity(given.x[rows], len(model.skeleton))
         x[..., -3 * len(model.skeleton) :] *= moving
@@ -131,7 +131,7 @@ def learn_style(
         return missed.sum(1).mean() + _STAY * module.gone()
 
     running.setdefault("title", f"learning {name!r}")
-    run = fit(branch, loss_of, TrainConfig(STEPS, RATE, decay=0.0, seed=seed, average=0.99), **running)
+    run = fit(branch, loss_fn, TrainConfig(STEPS, RATE, decay=0.0, seed=seed, average=0.99), **running)
     return replace(model, network=branch.beside(), styles=(*model.styles, name), labeller=None, card={}), run
 
 

@@ -96,7 +96,7 @@ def train_frame_classifier(pieces, joints: int, steps: int = 1500, seed: int = 0
     torch.manual_seed(seed)
     net = FrameClassifier(joints, len(pieces.contents), len(pieces.styles))
 
-    def loss_of(model: nn.Module, step: int) -> Tensor:
+    def loss_fn(model: nn.Module, step: int) -> Tensor:
         chosen = torch.randint(len(pieces.x), (32,))
         content, style, _ = model(pieces.x[chosen])
         wanted = ((content, pieces.content[chosen]), (style, pieces.style[chosen]))
@@ -104,7 +104,7 @@ def train_frame_classifier(pieces, joints: int, steps: int = 1500, seed: int = 0
         return each[0] + each[1]
 
     running.setdefault("title", "labels")
-    fit(net, loss_of, TrainConfig(steps, 2e-3, seed=seed, average=0.99), **running)
+    fit(net, loss_fn, TrainConfig(steps, 2e-3, seed=seed, average=0.99), **running)
     return net.requires_grad_(False)
 
 
@@ -134,7 +134,7 @@ class NumpyKinematics:
         self.feet = np.array(skeleton.feet())
         self._all = _Tree(skeleton, range(len(skeleton)))
         self._place = np.argsort(self._all.order)
-        self._legs = _Tree(skeleton, {joint for foot in skeleton.feet() for joint in skeleton.chain(foot)})
+        self._legs = _Tree(skeleton, {joint for foot in skeleton.feet() for joint in skeleton.ancestors(foot)})
         self._soles = np.nonzero(np.isin(self._legs.order, self.feet))[0]
         left, right = zip(*left_right_pairs(skeleton))
         self.left, self.right = np.array(left), np.array(right)
@@ -162,7 +162,7 @@ class _Tree:
     """Some joints of a skeleton, the root among them, in an order in which those of one depth stand together."""
 
     def __init__(self, skeleton: Skeleton, joints: Iterable[int]) -> None:
-        depth = {joint: len(skeleton.chain(joint)) for joint in joints}
+        depth = {joint: len(skeleton.ancestors(joint)) for joint in joints}
         order = sorted(depth, key=lambda joint: (depth[joint], joint))
         self.order, self._levels = np.array(order), []
         for level in sorted({*depth.values()})[1:]:
@@ -489,7 +489,7 @@ class ErdStream:
             translations = body.translations.clone()
             translations[0, 0] = torch.from_numpy(root[n])
             rotations = torch.from_numpy(turns[n : n + 1])
-            made.append(motion.with_body(body.replace(rotations=rotations, translations=translations)))
+            made.append(motion.with_helper_joints_of(body.replace(rotations=rotations, translations=translations)))
         return made[0] if isinstance(frames, Motion) else made
 
     def push(self, turns: np.ndarray, translations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -315,7 +315,7 @@ def train_prior(
     Raises MotionKitError for clips without captions, or where `start` has other sizes.
     """
     split = data.split() if isinstance(data, Dataset) else data
-    config, noise = config or TransformerConfig.laptop(), noise or NoiseSchedule.cosine(1000).louder(SNR_SHIFT)
+    config, noise = config or TransformerConfig.laptop(), noise or NoiseSchedule.cosine(1000).snr_shift(SNR_SHIFT)
     schedule = schedule or TrainConfig(STEPS["prior"], rate=RATE, decay=1e-2, average=0.999)
     encoded, normalizer = fit_normalizer(split.train)
     if start is not None:
@@ -325,8 +325,8 @@ def train_prior(
     network = Denoiser(encoded.layout.size, encoder.size, config, noise.steps)
     if start is not None:
         load_into(network, start.network.state_dict(), "start")
-    loss_of, batch_of = _prior_loss(encoded, normalizer, sentences, noise, config.frames, drop, batch, schedule)
-    run = fit(network, loss_of, schedule, batch_of=batch_of, **running)
+    loss_fn, batch_of = _prior_loss(encoded, normalizer, sentences, noise, config.frames, drop, batch, schedule)
+    run = fit(network, loss_fn, schedule, batch_of=batch_of, **running)
     known, least = ood_captions(split.train, encoder)
     card = {**training_card(split.train, schedule, run, network), "batch": batch, "drop": drop}
     card["last_loss"] = round(sum(run.losses[-200:]) / len(run.losses[-200:]), 4)
@@ -350,7 +350,7 @@ def _prior_loss(
         clips = torch.randint(len(encoded.dataset), (batch,))
         return clips, int(torch.randint(min(SHORTEST, frames) // 4, frames // 4 + 1, ())) * 4
 
-    def loss_of(network: nn.Module, step: int) -> Tensor:
+    def loss_fn(network: nn.Module, step: int) -> Tensor:
         clips, length = chosen()
         x, mask = encoded.draw_masked(clips, length)
         text = sentences.draw(clips) * (torch.rand(batch, 1) >= drop)
@@ -367,7 +367,7 @@ def _prior_loss(
         names = [encoded.dataset[n].name for n in clips.tolist()]
         return f"{length} frames of {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"
 
-    return loss_of, batch_of
+    return loss_fn, batch_of
 
 
 def train_discriminator(
@@ -390,7 +390,7 @@ def train_discriminator(
     config, embedding = prior.network.config, prior.network.embedding
     network = SemanticEncoder(prior.layout.size, prior.encoder.size, config, embedding)
 
-    def loss_of(model: nn.Module, step: int) -> Tensor:
+    def loss_fn(model: nn.Module, step: int) -> Tensor:
         clips = torch.randint(len(split.train), (batch,))
         length = int(torch.randint(min(SHORTEST, config.frames) // 4, config.frames // 4 + 1, ())) * 4
         x, mask = encoded.draw_masked(clips, length)
@@ -398,7 +398,7 @@ def train_discriminator(
         everyone = None if mask.all() else mask.to(here)
         return semantic_loss(model(prior.normalizer.normalize(x).to(here), everyone), text.to(here))
 
-    run = fit(network, loss_of, schedule, **running)
+    run = fit(network, loss_fn, schedule, **running)
     made = Discriminator(network, prior.layout, prior.normalizer, prior.encoder)
     made.card = {**training_card(split.train, schedule, run, network), "batch": batch}
     made.card["metrics"] = retrieval(made, split.test) if len(split.test) else {}

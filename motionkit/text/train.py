@@ -137,7 +137,7 @@ def _loss(train: Dataset, encoded: FeatureCache, normalizer: Normalizer) -> Call
     said, classes = [clip.texts for clip in train], _classes(train)
     known = meanings()
 
-    def loss_of(towers: nn.Module, step: int) -> Tensor:
+    def loss_fn(towers: nn.Module, step: int) -> Tensor:
         clips = torch.randint(len(train), (BATCH,))
         chance = random.Random(int(torch.randint(2**31, ())))
         pairs = [chance.sample(said[n], 2) for n in clips.tolist()]
@@ -158,7 +158,7 @@ def _loss(train: Dataset, encoded: FeatureCache, normalizer: Normalizer) -> Call
             + info_nce(first[:BATCH], seen, same[:BATCH, :BATCH])
         )
 
-    return loss_of
+    return loss_fn
 
 
 def _classes(data: Dataset) -> list[tuple[str, str]]:
