@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
-from pathlib import Path
 
 import torch
 from torch import Tensor, nn
 
 from . import checkpoints
 from . import rotations as rot
+from .checkpoints import Checkpoint, Saved, training_card
 from .datasets import Dataset, Split
 from .datasets.batches import FeatureCache
 from .errors import MotionKitError, motion_inside
@@ -21,7 +20,7 @@ from .layers import StGcn, StGcnConfig
 from .metrics import recognition_accuracy
 from .motion import Motion, in_order
 from .skeleton import Skeleton
-from .training import TrainConfig, default_path, device_of, fit, main_process_first, training_card
+from .training import TrainConfig, TrainOrder, fit
 
 WINDOW, STRIDE = 64, 32  # frames
 
@@ -144,7 +143,7 @@ def _chunk(
 
 
 @dataclass(eq=False)
-class Classifier:
+class Classifier(Checkpoint):
     """Tells the `content` or the `style` of motions on one skeleton (paper 1, section 5.2; paper 3; paper 4).
 
     label: which of the two. labels: the classes, in the order of the scores. skeleton, fps: of the motions it learned
@@ -157,6 +156,8 @@ class Classifier:
     >>> judge.labels[int(judge.scores([walk]).argmax())]
     'walk'
     """
+
+    kind = "classifier"
 
     network: StGcn
     label: str
@@ -213,20 +214,22 @@ class Classifier:
         scores = self.scores([clip.motion for clip in clips])
         return recognition_accuracy(scores, self.ids([getattr(clip, self.label) for clip in clips]))
 
-    def save(self, path: str | os.PathLike) -> Path:
-        """Weights and card, see `checkpoints.save`."""
-        card = {"kind": "classifier", **self.card, "label": self.label, "labels": list(self.labels), "fps": self.fps}
-        card |= {"window": self.window, "moving": self.moving, "skeleton": checkpoints.skeleton_card(self.skeleton)}
-        return checkpoints.save(path, self.network.state_dict(), card | {"config": asdict(self.network.config)})
+    def networks(self) -> dict[str, nn.Module]:
+        """See `checkpoints.Checkpoint`."""
+        return {"network": self.network}
+
+    def facts(self) -> dict:
+        """Labels, skeleton, and how it sees motions."""
+        facts = {"label": self.label, "labels": list(self.labels), "fps": self.fps, "window": self.window}
+        facts |= {"moving": self.moving, "skeleton": checkpoints.skeleton_card(self.skeleton)}
+        return facts | {"config": asdict(self.network.config)}
 
     @classmethod
-    def load(cls, path: str | os.PathLike) -> Classifier:
-        """From what `save` wrote; MotionKitError if the files are damaged or hold something else."""
-        tensors, card = checkpoints.load(path, "classifier")
-        config = StGcnConfig(**{k: tuple(v) if isinstance(v, list) else v for k, v in card["config"].items()})
-        skeleton, labels = checkpoints.skeleton_of(card["skeleton"]), tuple(card["labels"])
-        network = StGcn(6 if card["moving"] else 3, len(labels), skeleton, config).eval()
-        checkpoints.load_into(network, tensors, path)
+    def restore(cls, saved: Saved) -> Classifier:
+        """See `checkpoints.Checkpoint`."""
+        card, skeleton, labels = saved.card, saved.skeleton, tuple(saved.card["labels"])
+        network = StGcn(6 if card["moving"] else 3, len(labels), skeleton, saved.config(StGcnConfig))
+        network = saved.fill("network", network)
         return cls(network, card["label"], labels, skeleton, card["fps"], card["window"], card["moving"], card)
 
 
@@ -286,11 +289,13 @@ def denoising_loss(network: nn.Module, turns: Tensor, noise: float = NOISE) -> T
 
 
 @dataclass(eq=False)
-class MotionAutoencoder:
+class MotionAutoencoder(Checkpoint):
     """Features of motions from paper 2's autoencoder; it needs no labels, so it sees quality and not classes.
 
     skeleton, fps: of the motions it learned from. card: how it was made.
     """
+
+    kind = "autoencoder"
 
     network: DenoisingAutoencoder
     skeleton: Skeleton
@@ -309,24 +314,19 @@ class MotionAutoencoder:
         self.network.eval()
         return mean_over_windows(as_list(motions), self.encode, lambda x: self.network.encode(x).mean(2), WINDOW)
 
-    def save(self, path: str | os.PathLike) -> Path:
-        """Weights and card, see `checkpoints.save`."""
-        card = {
-            "kind": "autoencoder",
-            **self.card,
-            "fps": self.fps,
-            "skeleton": checkpoints.skeleton_card(self.skeleton),
-        }
-        return checkpoints.save(path, self.network.state_dict(), card)
+    def networks(self) -> dict[str, nn.Module]:
+        """See `checkpoints.Checkpoint`."""
+        return {"network": self.network}
+
+    def facts(self) -> dict:
+        """Skeleton and frame rate."""
+        return {"fps": self.fps, "skeleton": checkpoints.skeleton_card(self.skeleton)}
 
     @classmethod
-    def load(cls, path: str | os.PathLike) -> MotionAutoencoder:
-        """From what `save` wrote; MotionKitError if the files are damaged or hold something else."""
-        tensors, card = checkpoints.load(path, "autoencoder")
-        skeleton = checkpoints.skeleton_of(card["skeleton"])
-        network = DenoisingAutoencoder(len(skeleton)).eval()
-        checkpoints.load_into(network, tensors, path)
-        return cls(network, skeleton, card["fps"], card)
+    def restore(cls, saved: Saved) -> MotionAutoencoder:
+        """See `checkpoints.Checkpoint`."""
+        skeleton = saved.skeleton
+        return cls(saved.fill("network", DenoisingAutoencoder(len(skeleton))), skeleton, saved.card["fps"], saved.card)
 
 
 BATCH = 64
@@ -339,7 +339,7 @@ def train_classifier(
     label: str,
     data: Dataset | Split,
     config: StGcnConfig | None = None,
-    schedule: TrainConfig | None = None,
+    training: TrainConfig | None = None,
     *,
     window: int = WINDOW,
     moving: bool = True,
@@ -348,7 +348,7 @@ def train_classifier(
     """A classifier of the `content` or the `style` of a dataset's clips, trained on its training part.
 
     data: a dataset (its `split()` is used) or the three parts. window: frames it sees at a time; 1 shows what a single
-    pose gives away, best with `moving` off. running: `keep`, `title`, `show` of `training.fit`. Every class comes
+    pose gives away, best with `moving` off. running: `resume`, `title`, `callback` of `training.fit`. Every class comes
     equally often. The card holds the accuracy on the test part. Raises MotionKitError for a label that is neither, or
     only one class.
 
@@ -361,13 +361,13 @@ def train_classifier(
     if label not in ("content", "style"):
         raise MotionKitError(f"a classifier is trained for 'content' or 'style'; found {label!r}")
     split = data.split() if isinstance(data, Dataset) else data
-    schedule = schedule or TrainConfig(STEPS[label])
-    torch.manual_seed(schedule.seed)
+    training = training or TrainConfig(STEPS[label])
+    torch.manual_seed(training.seed)
     judge = _fresh(label, split, config, window, moving)
     frames = FeatureCache(split.train, judge)
     classes = judge.ids([getattr(clip, label) for clip in split.train])
-    run = fit(judge.network, _loss(frames, classes, window), schedule, **running)
-    judge.card = {**training_card(split.train, schedule, run, judge.network), "metrics": {}}
+    run = fit(judge.network, _draw(frames, classes, window), _loss, training, **running)
+    judge.card = {**training_card(split.train, training, run, judge.network), "metrics": {}}
     for part in ("validation", "test"):
         if len(getattr(split, part)):
             judge.card["metrics"][f"{part}_accuracy"] = round(judge.accuracy(getattr(split, part)), 2)
@@ -385,86 +385,100 @@ def _fresh(label: str, split: Split, config: StGcnConfig | None, window: int, mo
     return Classifier(network, label, labels, motion.skeleton, motion.fps, window, moving)
 
 
-def _loss(frames: FeatureCache, classes: Tensor, window: int) -> Callable[[nn.Module, int], Tensor]:
-    """Cross-entropy on windows of a random length; of each class a random clip that has frames enough."""
+def _draw(frames: FeatureCache, classes: Tensor, window: int) -> Callable[[int], dict]:
+    """Windows of a random length; of each class as many, of a random clip that has frames enough."""
+    longest = int(frames.lengths.max())
     lengths = (1,) if window == 1 else tuple(n for n in _LENGTHS if n <= window)
-    usable = {n: frames.lengths >= min(n, int(frames.lengths.max())) for n in lengths}
+    usable = {n: frames.lengths >= min(n, longest) for n in lengths}
     members = {n: [torch.nonzero((classes == c) & ok)[:, 0] for c in classes.unique()] for n, ok in usable.items()}
 
-    def loss_fn(network: nn.Module, step: int) -> Tensor:
+    def draw(step: int) -> dict:
         length = lengths[int(torch.randint(len(lengths), ()))]
         groups = [group for group in members[length] if len(group)]
         chosen = torch.arange(BATCH) % len(groups)
         clips = torch.stack([groups[g][int(torch.rand(()) * len(groups[g]))] for g in chosen.tolist()])
-        x = frames.draw(clips, min(length, int(frames.lengths.max())))
-        here = device_of(network)
-        return nn.functional.cross_entropy(network(x.permute(0, 3, 1, 2).to(here)), classes[clips].to(here))
+        x = frames.draw(clips, min(length, longest)).permute(0, 3, 1, 2)
+        return {"x": x, "classes": classes[clips], "names": [frames.dataset[n].name for n in clips.tolist()]}
 
-    return loss_fn
+    return draw
 
 
-def train_autoencoder(data: Dataset | Split, schedule: TrainConfig | None = None, **running) -> MotionAutoencoder:
+def _loss(network: nn.Module, batch: dict) -> Tensor:
+    return nn.functional.cross_entropy(network(batch["x"]), batch["classes"])
+
+
+def train_autoencoder(data: Dataset | Split, training: TrainConfig | None = None, **running) -> MotionAutoencoder:
     """Paper 2's denoising autoencoder (supplement A) on a dataset's training part; its labels are not looked at.
 
     The card holds the mean angle, in degrees, by which it misses clean rotations of the test part, and how far the
     noise had turned them.
     """
     split = data.split() if isinstance(data, Dataset) else data
-    schedule = schedule or TrainConfig(STEPS["autoencoder"])
+    training = training or TrainConfig(STEPS["autoencoder"])
     skeleton, fps = split.train[0].motion.without_helper_joints().skeleton, split.train[0].motion.fps
-    torch.manual_seed(schedule.seed)
+    torch.manual_seed(training.seed)
     network = DenoisingAutoencoder(len(skeleton))
     encoder = MotionAutoencoder(network, skeleton, fps)
     frames = FeatureCache(split.train, encoder)
-    enough = torch.nonzero(frames.lengths >= min(WINDOW, int(frames.lengths.max())))[:, 0]
+    length = min(WINDOW, int(frames.lengths.max()))
+    enough = torch.nonzero(frames.lengths >= length)[:, 0]
 
-    def loss_fn(model: nn.Module, step: int) -> Tensor:
+    def draw(step: int) -> dict:
         clips = enough[torch.randint(len(enough), (BATCH,))]
-        return denoising_loss(model, frames.draw(clips, min(WINDOW, int(frames.lengths.max()))).to(device_of(model)))
+        return {"x": frames.draw(clips, length), "names": [split.train[n].name for n in clips.tolist()]}
 
-    run = fit(network, loss_fn, schedule, **running)
+    def loss_fn(model: nn.Module, batch: dict) -> Tensor:
+        return denoising_loss(model, batch["x"])
+
+    run = fit(network, draw, loss_fn, training, **running)
     unseen = FeatureCache(split.test, encoder)
     there = torch.nonzero(unseen.lengths >= WINDOW)[:, 0]
     with torch.no_grad():
-        torch.manual_seed(schedule.seed)
+        torch.manual_seed(training.seed)
         turns = unseen.draw(there, WINDOW)
         found = {"test_degrees": denoising_loss(network, turns), "noise_degrees": denoising_loss(nn.Identity(), turns)}
     metrics = {name: round(float(value.rad2deg()), 3) for name, value in found.items()}
-    encoder.card = {**training_card(split.train, schedule, run, network), "metrics": metrics}
+    encoder.card = {**training_card(split.train, training, run, network), "metrics": metrics}
     return encoder
 
 
-def single_frame_accuracy(label: str, split: Split, schedule: TrainConfig | None = None, **running) -> float:
+def single_frame_accuracy(label: str, split: Split, training: TrainConfig | None = None, **running) -> float:
     """Per cent of single frames of unseen clips whose label a classifier names that sees poses and no movement.
 
     Every fifth frame of the test part counts; what it misses is in the timing.
     """
     judge = train_classifier(
-        label, split, None, schedule or TrainConfig(STEPS["frame"]), window=1, moving=False, **running
+        label, split, None, training or TrainConfig(STEPS["frame"]), window=1, moving=False, **running
     )
     frames = [(clip.motion[n], getattr(clip, label)) for clip in split.test for n in range(0, len(clip), 5)]
     scores = judge.scores([frame for frame, _ in frames])
     return 100 * float((scores.argmax(1) == judge.ids([name for _, name in frames])).double().mean())
 
 
-def train_part(part: str, data: Dataset, config: StGcnConfig, steps: int | None, seed: int, command: str) -> Path:
-    """Train `content`, `style` or `autoencoder` for a dataset and write it where `judges.load` finds it.
+def make_classifier(order: TrainOrder, label: str) -> Classifier:
+    """For the command line: a dataset's classifier; its card also says what single frames give away."""
+    split, config = order.data.split(), getattr(StGcnConfig, order.size)()
+    training = order.config(STEPS[label], TrainConfig.lr)
+    judge = train_classifier(label, split, config, training, **order.running)
+    still = TrainConfig(min(training.steps, STEPS["frame"]), seed=order.seed)
+    share = single_frame_accuracy(label, split, still, title=f"{order.title}, single frames")
+    judge.card["metrics"]["single_frame_accuracy"] = round(share, 2)
+    return judge
 
-    steps: of the training; left out, the recipe's. The state of the run is kept beside the weights, so a run that was
-    broken off goes on. A classifier's card also says what single frames give away. Returns the path of the weights.
-    """
-    path, split = default_path(data.name, part), data.split()
-    schedule, keep = TrainConfig(steps or STEPS[part], seed=seed), path.with_suffix(".run")
-    if part == "autoencoder":
-        made = train_autoencoder(split, schedule, keep=keep, title=path.stem)
-    else:
-        made = train_classifier(part, split, config, schedule, keep=keep, title=path.stem)
-        still = TrainConfig(min(schedule.steps, STEPS["frame"]), seed=seed)
-        share = single_frame_accuracy(part, split, still, title=f"{path.stem}, single frames")
-        made.card["metrics"]["single_frame_accuracy"] = round(share, 2)
-    made.card = {"name": path.stem, "command": command, **made.card}
-    main_process_first(lambda: made.save(path))
-    return path
+
+def make_content(order: TrainOrder) -> Classifier:
+    """For the command line."""
+    return make_classifier(order, "content")
+
+
+def make_style(order: TrainOrder) -> Classifier:
+    """For the command line."""
+    return make_classifier(order, "style")
+
+
+def make_autoencoder(order: TrainOrder) -> MotionAutoencoder:
+    """For the command line."""
+    return train_autoencoder(order.data, order.config(STEPS["autoencoder"], TrainConfig.lr), **order.running)
 
 
 __all__ = [

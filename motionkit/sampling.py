@@ -317,44 +317,44 @@ PAPER_G, PAPER_K, PAPER_S = 950, 300, 20  # G, K and S (paper 1, section 4)
 class PartialDiffusion:
     """The few steps between a motion and its noised self (paper 1, eq. 9 and section 4: K = 300, S = 20).
 
-    schedule: of the prior. stops: its steps, noisiest first.
+    schedule: of the prior. timesteps: its steps, noisiest first.
 
-    >>> PartialDiffusion.from_paper(PAPER_SCHEDULE).stops
+    >>> PartialDiffusion.from_paper(PAPER_SCHEDULE).timesteps
     (300, 250, 200, 150, 100, 50)
-    >>> PartialDiffusion.from_paper(PAPER_SCHEDULE.snr_shift(6)).stops
+    >>> PartialDiffusion.from_paper(PAPER_SCHEDULE.snr_shift(6)).timesteps
     (48, 38, 29, 20, 12, 5)
     """
 
     schedule: NoiseSchedule
-    stops: tuple[int, ...]
+    timesteps: tuple[int, ...]
 
     @classmethod
-    def from_paper(cls, schedule: NoiseSchedule, change: int = PAPER_K, steps: int = PAPER_S) -> PartialDiffusion:
-        """Starts with the noise of K = `change` of 1000 steps, S = `steps` in all (paper 1, section 4).
+    def from_paper(cls, schedule: NoiseSchedule, K: int = PAPER_K, S: int = PAPER_S) -> PartialDiffusion:
+        """Starts with the noise of step K of 1000, S steps in all (paper 1, section 4).
 
         Steps of another schedule are those with the same noise (`NoiseSchedule.matching_step`). Raises MotionKitError
         for numbers out of range.
         """
-        paper = timesteps(PAPER_SCHEDULE, steps, change)
-        stops = [schedule.matching_step(step, PAPER_SCHEDULE) for step in paper]
-        return cls(schedule, tuple(dict.fromkeys(stops)))
+        paper = timesteps(PAPER_SCHEDULE, S, K)
+        steps = [schedule.matching_step(step, PAPER_SCHEDULE) for step in paper]
+        return cls(schedule, tuple(dict.fromkeys(steps)))
 
     def forward(self, predict: Denoise, x: Tensor) -> Tensor:
         """Clean x [B, F, D] to its noised self, m_K: deterministic DDIM forwards (paper 1, section 4)."""
-        return ddim_invert(predict, x, self.schedule, self.stops)
+        return ddim_invert(predict, x, self.schedule, self.timesteps)
 
     def reverse(self, predict: Denoise, noised: Tensor) -> Tensor:
         """The predictions of the clean motion on the way back, [N, B, F, D], the last one last (paper 1, eq. 9).
 
         Gradients go through all steps. Step 0, where DDIM ends, is the last prediction itself.
 
-        >>> chain = PartialDiffusion.from_paper(PAPER_SCHEDULE)
-        >>> chain.reverse(lambda x, t: torch.full_like(x, 3.0), torch.randn(1, 4, 2)).shape
+        >>> partial = PartialDiffusion.from_paper(PAPER_SCHEDULE)
+        >>> partial.reverse(lambda x, t: torch.full_like(x, 3.0), torch.randn(1, 4, 2)).shape
         torch.Size([6, 1, 4, 2])
         """
-        seen: list[Tensor] = []
-        ddim(predict, noised, self.schedule, self.stops, callback=lambda s, x, x0: seen.append(x0))
-        return torch.stack(seen)
+        predictions: list[Tensor] = []
+        ddim(predict, noised, self.schedule, self.timesteps, callback=lambda s, x, x0: predictions.append(x0))
+        return torch.stack(predictions)
 
 
 def reconstruction_loss(predictions: Tensor, style: Tensor) -> Tensor:

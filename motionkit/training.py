@@ -1,15 +1,19 @@
-"""The state of a training that was broken off, in one file: written whole or not at all, read back exactly."""
+"""One training loop for everything that learns here: `fit`, and `fit_adversarial` for a generator and its critic.
+
+Both show progress, and a run that was broken off goes on exactly where it was. They stand on `accelerate`, so the same
+call trains on a CPU, a GPU, several of them and several machines: `accelerate launch -m motionkit train ...` on a GPU,
+and with `--multi_gpu --num_processes 2` on two. Without a GPU those are two processes on the CPU, as they are anywhere
+with ACCELERATE_USE_CPU=true in the environment.
+"""
 
 from __future__ import annotations
 
 import glob
-import hashlib
 import math
 import os
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import torch
@@ -21,111 +25,79 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 from tqdm.auto import tqdm
 
-from . import checkpoints
 from .checkpoints import load_into
-from .datasets import Dataset
 from .errors import MotionKitError
 from .files import write_atomic
 
-
-def write_run_state(
-    path: Path,
-    model: nn.Module,
-    optimizer: torch.optim.Optimizer,
-    mean: nn.Module | None,
-    schedule: object,
-    losses: list[float],
-    seconds: float,
-) -> None:
-    """Everything that `read_run_state` needs to go on as if nothing had happened."""
-    tensors = {f"model.{name}": value for name, value in model.state_dict().items()}
-    for number, values in optimizer.state_dict()["state"].items():
-        tensors |= {f"optimizer.{number}.{name}": value for name, value in values.items()}
-    if mean is not None:
-        tensors |= {f"mean.{name}": value for name, value in mean.state_dict().items()}
-    tensors |= {
-        "losses": torch.tensor(losses, dtype=torch.float64),
-        "seconds": torch.tensor(seconds, dtype=torch.float64),
-    }
-    plain = {name: value.detach().cpu().clone().contiguous() for name, value in tensors.items()}
-    write_atomic(path, tensors_as_bytes(plain, _begun(schedule)))
-
-
-def read_run_state(
-    path: Path, model: nn.Module, optimizer: torch.optim.Optimizer, mean: nn.Module | None, schedule: object
-) -> tuple[list[float], float]:
-    """Puts a kept state back in place; returns the losses so far and the seconds they took.
-
-    Raises MotionKitError if the file is damaged, or is of another schedule, recipe or model.
-    """
-    try:
-        with safe_open(path, "pt") as file:
-            tensors, same = {name: file.get_tensor(name) for name in file.keys()}, file.metadata() == _begun(schedule)  # noqa: SIM118
-    except (SafetensorError, OSError) as error:
-        raise MotionKitError(f"{path}: the kept run cannot be read ({error}); remove it to start again") from None
-    if not same:
-        raise MotionKitError(f"{path}: this run was begun with another schedule or recipe; remove it to start again")
-    load_into(model, _part(tensors, "model."), path)
-    if mean is not None:
-        load_into(mean, _part(tensors, "mean."), path)
-    state: dict[int, dict[str, Tensor]] = {}
-    for key, value in _part(tensors, "optimizer.").items():
-        number, name = key.split(".", 1)
-        state.setdefault(int(number), {})[name] = value
-    optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
-    return tensors["losses"].tolist(), float(tensors["seconds"])
-
-
-def remove_run_state(path: Path) -> None:
-    """The file, and what was left of it where a process was killed while it wrote."""
-    path.unlink(missing_ok=True)
-    for left in path.parent.glob(f".{glob.escape(path.name[:40])}.*"):
-        left.unlink(missing_ok=True)
-
-
-def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
-    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
-
-
-def _begun(schedule: object) -> dict[str, str]:
-    return {"schedule": repr(schedule)}
+Draw = Callable[[int], object]  # the batch of a step: tensors, or a dict, tuple or dataclass of them, on the CPU
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """How long and how fast: AdamW whose rate rises for a tenth of the steps, then falls as a cosine.
+    """How long and how fast: AdamW whose learning rate rises for a tenth of the steps, then falls as a cosine.
 
-    steps: batches. rate: the highest. decay: of the weights. clip: the longest gradient. seed: says every batch.
-    average: how much of the running mean of the weights stays at each step (EMA), such as 0.999; the trained model gets
-    that mean. 0 is none. recipe: what else is to be the same where a kept run goes on, such as a recipe. Raises
-    MotionKitError for numbers out of range.
+    steps: batches. lr: the highest learning rate. weight_decay, grad_clip: as in torch. seed: says every batch. ema:
+    how much of the running mean of the weights stays at each step, such as 0.999; the trained model gets that mean; 0
+    is none. critic_lr_ratio: a critic's learning rate over that of its generator. signature: what else must be the same
+    where a kept run goes on, such as a method's own config. save_every: seconds between two writings of the run's
+    state. Raises MotionKitError for numbers out of range.
     """
 
     steps: int
-    rate: float = 2e-3
-    decay: float = 1e-3
-    clip: float = 1.0
+    lr: float = 2e-3
+    weight_decay: float = 1e-3
+    grad_clip: float = 1.0
     seed: int = 0
-    average: float = 0.0
-    recipe: str = ""
+    ema: float = 0.0
+    critic_lr_ratio: float = 1.0
+    signature: str = ""
+    save_every: float = 30.0
 
     def __post_init__(self) -> None:
-        if not (self.steps >= 1 and self.rate > 0 and self.clip > 0 and 0 <= self.average < 1):
+        if not (self.steps >= 1 and self.lr > 0 and self.grad_clip > 0 and 0 <= self.ema < 1):
             raise MotionKitError(
-                f"a schedule has at least 1 step, a rate and a clip above 0, and an average from 0 to below 1; "
-                f"found {self}"
+                "training takes at least 1 step, a learning rate and a gradient clip above 0, and an ema from 0 to "
+                f"below 1; found {self}"
             )
 
-    def rate_at(self, step: int) -> float:
+    def lr_at(self, step: int) -> float:
         """The learning rate of a step, from 0.
 
-        >>> [round(TrainConfig(100, rate=1.0).rate_at(n), 2) for n in (0, 9, 54, 99)]
+        >>> [round(TrainConfig(100, lr=1.0).lr_at(n), 2) for n in (0, 9, 54, 99)]
         [0.1, 1.0, 0.5, 0.0]
         """
         warm = max(self.steps // 10, 1)
         if step < warm:
-            return self.rate * (step + 1) / warm
-        return self.rate * 0.5 * (1 + math.cos(math.pi * (step - warm + 1) / max(self.steps - warm, 1)))
+            return self.lr * (step + 1) / warm
+        return self.lr * 0.5 * (1 + math.cos(math.pi * (step - warm + 1) / max(self.steps - warm, 1)))
+
+
+@dataclass(frozen=True)
+class TrainOrder:
+    """What the command line asks of a trainer: a function from a TrainOrder to a `checkpoints.Checkpoint`.
+
+    data: the Dataset. size: "tiny", "laptop" or "paper". steps, lr: left out, the method's own. start: the name of a
+    checkpoint to go on from. text: the text encoder. resume: the file of the run's state. title: of the progress bar.
+    """
+
+    data: object
+    size: str = "laptop"
+    steps: int | None = None
+    lr: float | None = None
+    seed: int = 0
+    start: str | None = None
+    text: str = "mini"
+    resume: Path | None = None
+    title: str = "training"
+
+    def config(self, steps: int, lr: float, **more) -> TrainConfig:
+        """The method's own numbers, where nothing else was asked for."""
+        return TrainConfig(self.steps or steps, self.lr or lr, seed=self.seed, **more)
+
+    @property
+    def running(self) -> dict:
+        """For `fit`."""
+        return {"resume": self.resume, "title": self.title}
 
 
 @dataclass
@@ -140,200 +112,344 @@ class Run:
         """How fast it went."""
         return len(self.losses) / max(self.seconds, 1e-9)
 
-
-@dataclass(eq=False)
-class _Learner:
-    """The parts of a run: the model as accelerate wraps it, its optimizer, its running mean, the file of its state."""
-
-    accelerator: Accelerator
-    model: nn.Module
-    optimizer: torch.optim.Optimizer
-    mean: AveragedModel | None
-    schedule: TrainConfig
-    kept: Path | None
-    whole: bool = True  # false while a step changes the weights
-    undo: list[Tensor] = field(default_factory=list)  # the buffers before a step, which its forward pass changes
-
-    @classmethod
-    def of(cls, model: nn.Module, schedule: TrainConfig, kept: Path | None) -> _Learner:
-        """On the device that there is; mixed precision (bfloat16) on a GPU."""
-        cpu = _on_cpu()
-        accelerator = Accelerator(mixed_precision="no" if cpu or not torch.cuda.is_available() else "bf16", cpu=cpu)
-        groups = getattr(model, "parameter_groups", model.parameters)()
-        optimizer = torch.optim.AdamW(groups, schedule.rate, weight_decay=schedule.decay)
-        wrapped, optimizer = accelerator.prepare(model, optimizer)
-
-        def keep_some(means: list[Tensor], now: list[Tensor], count: Tensor) -> None:
-            n = int(count)  # the first steps count for less, or the mean would remember the beginning
-            torch._foreach_lerp_(means, now, 1 - min(schedule.average, (1 + n) / (10 + n)))
-
-        mean = AveragedModel(model, multi_avg_fn=keep_some) if schedule.average else None
-        return cls(accelerator, wrapped, optimizer, mean, schedule, kept)
-
     @property
-    def main(self) -> bool:
-        """Whether this process is the one that writes and shows."""
-        return self.accelerator.is_main_process
-
-    @cached_property
-    def bare(self) -> nn.Module:
-        """The model itself."""
-        return self.accelerator.unwrap_model(self.model)
-
-    @property
-    def raw_optimizer(self) -> torch.optim.Optimizer:
-        """Torch's optimizer."""
-        return getattr(self.optimizer, "optimizer", self.optimizer)
-
-    @cached_property
-    def buffer_names(self) -> list[str]:
-        """What the state holds beside parameters, such as the running means of a batch norm."""
-        kept = self.bare.state_dict().keys()
-        return [name for name, _ in self.bare.named_buffers() if name in kept]
-
-    def buffers(self) -> list[Tensor]:
-        """The numbers of these, as they are now."""
-        return [self.bare.get_buffer(name) for name in self.buffer_names]
-
-    def resume(self) -> Run:
-        """The run so far, its state put back; all processes must have found the same."""
-        run = Run()
-        if self.kept is not None and self.kept.exists():
-            found = read_run_state(self.kept, self.bare, self.raw_optimizer, self.mean, self.schedule)
-            run = Run(*found)
-        steps = torch.tensor([len(run.losses)], device=self.accelerator.device)
-        if len(set(self.accelerator.gather(steps).tolist())) > 1:
-            raise MotionKitError(f"{self.kept}: not all processes find this kept run; put it where all machines see it")
-        return run
-
-    def keep(self, run: Run) -> None:
-        """Write the state before the present step, if it is whole; the main process does."""
-        if self.kept is None or not self.main or not self.whole:
-            return
-        for value, old in zip(self.buffers(), self.undo):
-            value.copy_(old)
-        write_run_state(self.kept, self.bare, self.raw_optimizer, self.mean, self.schedule, run.losses, run.seconds)
-
-    def finish(self) -> None:
-        """The mean into the model, the same numbers in all processes, and no file left."""
-        if self.mean is not None:
-            self.bare.load_state_dict(self.mean.module.state_dict())
-        for value in self.buffers():
-            broadcast(value)
-        if self.kept is not None and self.main:
-            remove_run_state(self.kept)
-        self.accelerator.wait_for_everyone()
+    def last_loss(self) -> float:
+        """The mean over the last 200 steps."""
+        return sum(self.losses[-200:]) / max(len(self.losses[-200:]), 1)
 
 
 def fit(
     model: nn.Module,
-    loss_fn: Callable[[nn.Module, int], Tensor],
-    schedule: TrainConfig,
+    draw: Draw,
+    loss_fn: Callable[[nn.Module, object], Tensor],
+    config: TrainConfig,
     *,
-    keep: str | os.PathLike | None = None,
-    every: float = 30.0,
+    resume: str | os.PathLike | None = None,
     title: str = "training",
-    show: Callable[[int, float], object] | None = None,
-    batch_of: Callable[[int], str] | None = None,
+    callback: Callable[[int, float], object] | None = None,
 ) -> Run:
     """Train a model in place; returns its `Run`. What is on a GPU while it trains comes back to where it was.
 
-    model: its `parameter_groups()`, if any, says what is trained, each with its `share` of the rate. loss_fn: the loss
-    of step n, of the model that it is given (call that one: several processes find each other's gradients through it).
-    torch's random numbers are seeded anew for every step and process, so a resumed run gives the losses of an unbroken
-    one, and n processes see n batches a step. keep: a file for the state of the run, written every `every` seconds; if
-    it is there already, the run goes on from it; it is removed at the end. show: called after each step with its number
-    and loss. batch_of: says what is in the batch of a step, for messages. Raises MotionKitError for a loss or gradient
-    that is not finite (the state before that step is kept, as when Ctrl-C stops it), or a kept state of another model.
+    draw: gives the batch of step n, on the CPU. loss_fn: the loss of the model that it is given on a batch (call that
+    model: several processes find each other's gradients through it); where it is a module, such as one that holds a
+    frozen network, it is moved as well. torch's random numbers are seeded anew for every step and process, so a resumed
+    run gives the losses of an unbroken one, and n processes see n batches a step. resume: a file for the state of the
+    run; if it is there already, the run goes on from it; it is removed at the end. callback: called after each step
+    with its number and loss. Raises MotionKitError for a loss or gradient that is not finite (naming the clips of its
+    batch where `batch.names` or `batch["names"]` says them; the state before that step is kept, as when Ctrl-C stops
+    it), and for a kept state of another model.
 
     >>> line = nn.Linear(1, 1)
-    >>> def miss(model, step):
-    ...     return ((model(torch.ones(4, 1)) - 3) ** 2).mean()
-    >>> run = fit(line, miss, TrainConfig(200, rate=0.1), title="")
+    >>> def draw(step):
+    ...     return torch.ones(4, 1)
+    >>> def loss_fn(model, x):
+    ...     return ((model(x) - 3) ** 2).mean()
+    >>> run = fit(line, draw, loss_fn, TrainConfig(200, lr=0.1), title="")
     >>> len(run.losses), bool(run.losses[-1] < 1e-3 * run.losses[0])
     (200, True)
     """
-    home, kept = device_of(model), Path(keep) if keep is not None else None
-    learner = _Learner.of(model, schedule, kept)
-    try:
-        run = learner.resume()
-        learner.model.train()
-        _go(learner, loss_fn, run, every, title, show, batch_of)
-        learner.finish()
-    finally:
-        learner.accelerator.unwrap_model(learner.model, keep_fp32_wrapper=False)  # or it would go on in mixed precision
-        model.to(home).eval()
-    return run
+    with _Training((model,), (loss_fn,), config, resume, title, callback) as training:
+        (model,) = training.models
+        for step in training.steps():
+            batch = training.batch(draw, step)
+            with training.autocast():
+                loss = loss_fn(model, batch)
+            training.backward(loss)
+            training.update()
+    return training.run
 
 
-def _go(learner, loss_fn, run, every, title, show, batch_of) -> None:
-    """All steps that are left; keeps the state now and then, and where it is stopped."""
-    first, total, before = len(run.losses), learner.schedule.steps, run.seconds
-    saved = begun = time.monotonic()
-    with tqdm(range(first, total), title, total, initial=first, disable=not title or not learner.main) as steps:
-        try:
-            for step in steps:
-                run.losses.append(_step(learner, loss_fn, step))
-                learner.undo, learner.whole = [], True
-                run.seconds = before + time.monotonic() - begun
-                steps.set_postfix(loss=f"{run.losses[-1]:.3f}", refresh=False)
-                if show is not None and learner.main:
-                    show(step, run.losses[-1])
-                if time.monotonic() - saved > every:
-                    learner.keep(run)
-                    saved = time.monotonic()
-        except KeyboardInterrupt:
-            learner.keep(run)
-            raise
-        except _NotFinite as error:
-            learner.keep(run)
-            raise MotionKitError(_not_finite(learner, step, error, batch_of)) from None
+def fit_adversarial(
+    models: tuple[nn.Module, nn.Module],
+    draw: Draw,
+    losses: tuple[Callable, Callable],
+    config: TrainConfig,
+    *,
+    resume: str | os.PathLike | None = None,
+    title: str = "training",
+    callback: Callable[[int, float], object] | None = None,
+) -> Run:
+    """Train a generator against its critic, each with an optimizer of its own; as `fit`.
+
+    models: the generator and its critic. losses: of each. The first, (generator, critic, batch), gives the generator's
+    loss, and what it generated as a tensor or a tuple of tensors; the critic's weights get no gradient from it. The
+    second, (critic, generated, batch), gives the critic's loss, through which no gradient reaches the generator. Both
+    are updated together. The run's losses are the sums of both.
+
+    >>> generator, critic = nn.Linear(1, 1), nn.Linear(1, 1)
+    >>> def generator_loss(generator, critic, real):
+    ...     fake = generator(torch.rand(8, 1))
+    ...     return -critic(fake).mean(), fake
+    >>> def critic_loss(critic, fake, real):
+    ...     return critic(fake).mean() - critic(real).mean()
+    >>> models, losses = (generator, critic), (generator_loss, critic_loss)
+    >>> run = fit_adversarial(models, lambda step: 3 + torch.rand(8, 1), losses, TrainConfig(20), title="")
+    >>> len(run.losses)
+    20
+    """
+    generator_loss, critic_loss = losses
+    with _Training(models, losses, config, resume, title, callback) as training:
+        generator, critic = training.models
+        for step in training.steps():
+            batch = training.batch(draw, step)
+            critic.requires_grad_(False)
+            with training.autocast():
+                loss, generated = generator_loss(generator, critic, batch)
+            training.backward(loss, 0)
+            critic.requires_grad_(True)
+            with training.autocast():
+                loss = critic_loss(critic, _detached(generated), batch)
+            training.backward(loss, 1)
+            training.update()
+    return training.run
+
+
+def _detached(generated: object) -> object:
+    return generated.detach() if isinstance(generated, Tensor) else tuple(map(_detached, generated))
+
+
+def to_device(batch: object, device: torch.device | str) -> object:
+    """A batch with all its tensors on a device: the one place where data move.
+
+    Tensors in dicts, lists, tuples and dataclasses are found; anything else stays as it is.
+
+    >>> to_device({"x": torch.ones(2), "names": ["walk"]}, "cpu")
+    {'x': tensor([1., 1.]), 'names': ['walk']}
+    """
+    if isinstance(batch, Tensor):
+        return batch.to(device)
+    if isinstance(batch, Mapping):
+        return {name: to_device(value, device) for name, value in batch.items()}
+    if isinstance(batch, tuple) and hasattr(batch, "_fields"):
+        return type(batch)(*(to_device(value, device) for value in batch))
+    if isinstance(batch, list | tuple):
+        return type(batch)(to_device(value, device) for value in batch)
+    if hasattr(batch, "__dataclass_fields__"):
+        fields = {name: to_device(getattr(batch, name), device) for name in batch.__dataclass_fields__}
+        return replace(batch, **fields)
+    return batch
 
 
 class _NotFinite(Exception):
     """What is not finite, and whether this process's batch may be at fault."""
 
 
-def _step(learner: _Learner, loss_fn: Callable, step: int) -> float:
-    """One step of the optimizer; the mean loss of all processes. _NotFinite before any harm is done to the weights."""
-    learner.undo = [value.clone() for value in learner.buffers()]
-    seed_batch(learner.schedule, step, learner.accelerator.process_index)
-    for group in learner.optimizer.param_groups:
-        group["lr"] = learner.schedule.rate_at(step) * group.get("share", 1.0)
-    learner.optimizer.zero_grad()
-    with learner.accelerator.autocast():
-        loss = loss_fn(learner.model, step)
-    learner.accelerator.backward(loss)
-    length = nn.utils.clip_grad_norm_(learner.model.parameters(), learner.schedule.clip)
-    own = torch.stack((loss.detach().float(), length.detach().float()))
-    value, length = learner.accelerator.reduce(own.clone(), "mean").tolist()
-    if not math.isfinite(value) or not math.isfinite(length):
-        what = f"the loss of step {step} is {value}, the length of its gradient {length}"
-        raise _NotFinite(what, math.isfinite(value) or not math.isfinite(float(own[0])))
-    learner.whole = False
-    learner.optimizer.step()
-    if learner.mean is not None:
-        learner.mean.update_parameters(learner.bare)
-    return value
+class _Training:
+    """The models of a run with their optimizers, as `accelerate` wraps them, and the state that makes it resumable."""
+
+    def __init__(self, models, losses, config, resume, title, callback) -> None:
+        self.config, self.title, self.callback = config, title, callback
+        self.file = Path(resume) if resume is not None else None
+        self.run, self._batch = Run(), None
+        self._whole, self._undo = True, []  # whether no step is half done; the buffers before the present step
+        self._own, self._homes = models, [device_of(model) for model in models]
+        self._frozen = [loss for loss in losses if isinstance(loss, nn.Module)]
+        cpu = _on_cpu()
+        precision = "no" if cpu or not torch.cuda.is_available() else "bf16"
+        self._accelerator = Accelerator(mixed_precision=precision, cpu=cpu)
+        self.autocast = self._accelerator.autocast
+        self.models, self._optimizers, self._means = [], [], []
+        for model in models:
+            trained = [weight for weight in model.parameters() if weight.requires_grad]
+            optimizer = torch.optim.AdamW(trained, config.lr, weight_decay=config.weight_decay)
+            wrapped, optimizer = self._accelerator.prepare(model, optimizer)
+            self.models.append(wrapped)
+            self._optimizers.append(optimizer)
+            self._means.append(_running_mean(model, config.ema) if config.ema else None)
+        self._values: list[float] = []
+        self._kept_buffers: list[Tensor] | None = None
+
+    # -- the steps ---------------------------------------------------------------------------------------------------
+
+    def __enter__(self) -> _Training:
+        for part in self._frozen:
+            part.to(self._accelerator.device)
+        if self.file is not None and self.file.exists():
+            self._read()
+        steps = torch.tensor([len(self.run.losses)], device=self._accelerator.device)
+        if len(set(self._accelerator.gather(steps).tolist())) > 1:
+            raise MotionKitError(f"{self.file}: not all processes find this kept run; put it where all machines see it")
+        for model in self.models:
+            model.train()
+        return self
+
+    def steps(self) -> Iterator[int]:
+        """The numbers of the steps that are left; writes the state of the run now and then."""
+        first, total, before = len(self.run.losses), self.config.steps, self.run.seconds
+        saved = begun = time.monotonic()
+        hidden = not self.title or not self._main
+        with tqdm(range(first, total), self.title, total, initial=first, disable=hidden) as bar:
+            for step in bar:
+                yield step
+                self.run.seconds = before + time.monotonic() - begun
+                bar.set_postfix(loss=f"{self.run.losses[-1]:.3f}", refresh=False)
+                if self.callback is not None and self._main:
+                    self.callback(step, self.run.losses[-1])
+                if time.monotonic() - saved > self.config.save_every:
+                    self._write()
+                    saved = time.monotonic()
+
+    def batch(self, draw: Draw, step: int) -> object:
+        """The batch of a step, on the device that the models are on."""
+        self._undo = [value.clone() for value in self._buffers()]
+        self._values = []
+        seed_batch(self.config, step, self._accelerator.process_index)
+        self._batch = draw(step)
+        for n, optimizer in enumerate(self._optimizers):
+            for group in optimizer.param_groups:
+                group["lr"] = self.config.lr_at(step) * (self.config.critic_lr_ratio if n else 1.0)
+        return to_device(self._batch, self._accelerator.device)
+
+    def backward(self, loss: Tensor, n: int = 0) -> None:
+        """The gradients of a loss in the weights of model n; _NotFinite before any harm is done to them."""
+        self._optimizers[n].zero_grad()
+        self._accelerator.backward(loss)
+        norm = nn.utils.clip_grad_norm_(self.models[n].parameters(), self.config.grad_clip)
+        own = torch.stack((loss.detach().float(), norm.detach().float()))
+        value, norm = self._accelerator.reduce(own.clone(), "mean").tolist()
+        if not math.isfinite(value) or not math.isfinite(norm):
+            what = f"the loss of step {len(self.run.losses)} is {value}, the norm of its gradient {norm}"
+            raise _NotFinite(what, math.isfinite(value) or not math.isfinite(float(own[0])))
+        self._values.append(value)
+
+    def update(self) -> None:
+        """One step of every optimizer, by the gradients that `backward` left."""
+        self._whole = False
+        for n, optimizer in enumerate(self._optimizers):
+            optimizer.step()
+            if self._means[n] is not None:
+                self._means[n].update_parameters(self._bare(n))
+        self.run.losses.append(sum(self._values))
+        self._undo, self._whole = [], True
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: object) -> None:
+        try:
+            if kind is None:
+                self._finish()
+            elif issubclass(kind, KeyboardInterrupt | _NotFinite):
+                self._write()
+        finally:
+            for model, own, home in zip(self.models, self._own, self._homes):
+                self._accelerator.unwrap_model(model, keep_fp32_wrapper=False)  # or it would stay in mixed precision
+                own.to(home).eval()
+            for part in self._frozen:
+                part.to(self._homes[0])
+        if kind is not None and issubclass(kind, _NotFinite):
+            raise MotionKitError(self._not_finite(error)) from None
+
+    def _finish(self) -> None:
+        """The running means into the models, the same numbers in all processes, and no file left."""
+        for n, mean in enumerate(self._means):
+            if mean is not None:
+                self._bare(n).load_state_dict(mean.module.state_dict())
+        for value in self._buffers():
+            broadcast(value)
+        if self.file is not None and self._main:
+            self.file.unlink(missing_ok=True)
+            for left in self.file.parent.glob(f".{glob.escape(self.file.name[:40])}.*"):  # a process killed in writing
+                left.unlink(missing_ok=True)
+        self._accelerator.wait_for_everyone()
+
+    def _not_finite(self, error: _NotFinite) -> str:
+        what, here = error.args
+        batch = self._batch
+        names = batch.get("names") if isinstance(batch, Mapping) else getattr(batch, "names", None)
+        if not here:
+            where = "its batch is named by another process"
+        elif names:
+            where = f"its batch: {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"
+        else:
+            where = f"its batch is that of seed {self.config.seed}"
+        kept = f"; the state before that step is in {self.file}" if self.file is not None else ""
+        return f"training: {what}; {where}{kept}. Look for bad numbers in those clips, or take a smaller learning rate"
+
+    # -- the state on disk -------------------------------------------------------------------------------------------
+
+    @property
+    def _main(self) -> bool:
+        return self._accelerator.is_main_process
+
+    def _bare(self, n: int) -> nn.Module:
+        return self._accelerator.unwrap_model(self.models[n])
+
+    def _buffers(self) -> list[Tensor]:
+        """What the states hold beside parameters, such as the running means of a batch norm."""
+        if self._kept_buffers is None:
+            bare = [self._bare(n) for n in range(len(self.models))]
+            kept = [(one, one.state_dict().keys()) for one in bare]
+            self._kept_buffers = [value for one, names in kept for name, value in one.named_buffers() if name in names]
+        return self._kept_buffers
+
+    def _parts(self) -> Iterator[tuple[str, nn.Module]]:
+        """Everything whose weights are kept, by a prefix for their names."""
+        for n in range(len(self.models)):
+            yield f"{n}.model.", self._bare(n)
+            if self._means[n] is not None:
+                yield f"{n}.mean.", self._means[n]
+
+    def _write(self) -> None:
+        """Write the state before the present step, if it is whole; the main process does."""
+        if self.file is None or not self._main or not self._whole:
+            return
+        for value, old in zip(self._buffers(), self._undo):
+            value.copy_(old)
+        tensors = {prefix + name: value for prefix, part in self._parts() for name, value in part.state_dict().items()}
+        for n, optimizer in enumerate(self._optimizers):
+            for number, values in _torchs(optimizer).state_dict()["state"].items():
+                tensors |= {f"{n}.optimizer.{number}.{name}": value for name, value in values.items()}
+        tensors["losses"] = torch.tensor(self.run.losses, dtype=torch.float64)
+        tensors["seconds"] = torch.tensor(self.run.seconds, dtype=torch.float64)
+        plain = {name: value.detach().cpu().clone().contiguous() for name, value in tensors.items()}
+        write_atomic(self.file, tensors_as_bytes(plain, {"config": repr(self.config)}))
+
+    def _read(self) -> None:
+        """Put a kept state back in place; MotionKitError if it is damaged, or of another config or model."""
+        try:
+            with safe_open(self.file, "pt") as file:
+                tensors, told = {name: file.get_tensor(name) for name in file.keys()}, file.metadata()  # noqa: SIM118
+        except (SafetensorError, OSError) as error:
+            raise MotionKitError(
+                f"{self.file}: the kept run cannot be read ({error}); remove it to start again"
+            ) from None
+        if told != {"config": repr(self.config)}:
+            raise MotionKitError(f"{self.file}: this run was begun with another config; remove it to start again")
+
+        def part(prefix: str) -> dict[str, Tensor]:
+            return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+        for prefix, module in self._parts():
+            load_into(module, part(prefix), self.file)
+        for n, optimizer in enumerate(self._optimizers):
+            state: dict[int, dict[str, Tensor]] = {}
+            for key, value in part(f"{n}.optimizer.").items():
+                number, name = key.split(".", 1)
+                state.setdefault(int(number), {})[name] = value
+            own = _torchs(optimizer)
+            own.load_state_dict({"state": state, "param_groups": own.state_dict()["param_groups"]})
+        self.run = Run(tensors["losses"].tolist(), float(tensors["seconds"]))
 
 
-def _not_finite(learner: _Learner, step: int, error: _NotFinite, batch_of: Callable | None) -> str:
-    what, here = error.args
-    batch = batch_of(step) if batch_of is not None else f"that of seed {learner.schedule.seed}"
-    batch = f"; its batch: {batch}" if here else "; its batch is named by another process"
-    state = f"; the state before that step is in {learner.kept}" if learner.kept is not None else ""
-    return f"training: {what}{batch}{state}. Look for bad numbers in those clips, or take a smaller rate"
+def _torchs(optimizer: object) -> torch.optim.Optimizer:
+    return getattr(optimizer, "optimizer", optimizer)
 
 
-def seed_batch(schedule: TrainConfig, step: int, rank: int | None = None) -> None:
+def _running_mean(model: nn.Module, ema: float) -> AveragedModel:
+    def update(means: list[Tensor], now: list[Tensor], count: Tensor) -> None:
+        n = int(count)  # the first steps count for less, or the mean would remember the beginning
+        torch._foreach_lerp_(means, now, 1 - min(ema, (1 + n) / (10 + n)))
+
+    return AveragedModel(model, multi_avg_fn=update)
+
+
+def seed_batch(config: TrainConfig, step: int, rank: int | None = None) -> None:
     """Seed torch's random numbers as `fit` does before step n of a process (this one if left out), to draw it again."""
     if rank is None:
         rank = torch.distributed.get_rank() if torch.distributed.is_initialized() else 0
-    torch.manual_seed(schedule.seed * 1_000_003 + step + rank * 2_038_074_743)
+    torch.manual_seed(config.seed * 1_000_003 + step + rank * 2_038_074_743)
 
 
 def device_of(model: nn.Module) -> torch.device:
-    """Where a model's weights are, and so where its batches must be."""
+    """Where a model's weights are."""
     return next(model.parameters()).device
 
 
@@ -361,40 +477,3 @@ def main_process_first(write: Callable[[], object]) -> None:
     if is_main():
         write()
     PartialState().wait_for_everyone()
-
-
-# Licences of captures that forbid what MIT allows; weights that learned from them are under the same licence.
-LICENCES = {"bandai-1": "CC-BY-NC-4.0", "bandai-2": "CC-BY-NC-4.0"}
-
-
-def training_card(data: Dataset, schedule: TrainConfig, run: Run, network: nn.Module) -> dict:
-    """What every card says of how weights were made from these clips."""
-    name = data.name
-    return {
-        "data": name,
-        "data_sha256": data_hash(data),
-        "training_clips": len(data),
-        "seed": schedule.seed,
-        "steps": schedule.steps,
-        "seconds": round(run.seconds),
-        "steps_per_second": round(run.steps_per_second, 2),
-        "hardware": checkpoints.hardware(),
-        "parameters": sum(p.numel() for p in network.parameters()),
-        "licence": LICENCES.get(name, "MIT"),
-    }
-
-
-def data_hash(dataset: Dataset) -> str:
-    """Changes when clips, their labels or their numbers do: 16 hexadecimal digits."""
-    clips = (
-        f"{dataset.store.clips[n].name} {dataset.store.clips[n].checksum} {dataset.labels[n][:2]}"
-        for n in dataset.numbers
-    )
-    return hashlib.sha256("\n".join(clips).encode()).hexdigest()[:16]
-
-
-def default_path(data: str, what: str) -> Path:
-    """Where the weights of a judge go: `NAME-content.safetensors` and so on, in the folder of their licence."""
-    folder = checkpoints.folder() / LICENCES.get(data, "").lower()
-    os.makedirs(folder, exist_ok=True)
-    return folder / f"{data}-{what}.safetensors"

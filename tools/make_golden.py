@@ -52,16 +52,17 @@ def answers() -> Iterator[tuple[str, Tensor]]:
         restyle = mk.methods.load(method)
         for name, content in contents.items():
             yield from numbers(f"{method} {name}", restyle.stylize(content, style=old))
-    few, erd = mk.methods.load("few-shot"), mk.methods.load("style-erd")
-    learned = few.learn(old, "an old person walks", title="")
-    paper = mk.methods.load("few-shot", recipe=mk.methods.few_shot.Recipe.laptop().changed(steps=2))
+    codes, erd = mk.methods.load("style-code"), mk.methods.load("style-erd")
+    told = mk.methods.Labels(texts=("a person walks",))
+    learned = codes.learn(old, "an old person walks", title="")
+    paper = mk.methods.load("few-shot", config=mk.methods.few_shot.Config.laptop().changed(steps=2))
     adapted = paper.learn(old, "an old person walks", title="")
-    walk = erd.seen(contents["walk_neutral"])
+    walk = erd.onto_model(contents["walk_neutral"])
     stream = erd.stream(style="old")
     yield from numbers("style-erd stream", mk.concatenate([stream(walk[n : n + 1]) for n in range(60)]))
     for name, content in contents.items():
-        yield from numbers(f"style-code {name}", few.stylize(content, learned, caption="a person walks"))
-        yield from numbers(f"few-shot {name}", paper.stylize(content, adapted, caption="a person walks"))
+        yield from numbers(f"style-code {name}", codes.stylize(content, learned, labels=told))
+        yield from numbers(f"few-shot {name}", paper.stylize(content, adapted, labels=told))
         yield from numbers(f"style-erd {name}", erd.stylize(content, style="old"))
         for layout in ("FacingFree", "HumanML3D", "StyleERD", "Graph", "SixD"):
             body = content.without_helper_joints() if layout != "SixD" else content

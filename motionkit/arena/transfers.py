@@ -249,14 +249,14 @@ class MethodEntry:
 
 
 def restyle(method: object, content: Clip, style: Clip) -> object:
-    """What a method makes of two clips: `transfer` sees their labels, `stylize` and plain functions the motions.
+    """What a method makes of two clips: a `StyleTransfer` sees their labels, others and functions the motions alone.
 
     >>> from types import SimpleNamespace
     >>> restyle(lambda content, style: f"{content} as {style}", *(SimpleNamespace(motion=m) for m in ("walk", "old")))
     'walk as old'
     """
-    if hasattr(method, "transfer"):
-        return method.transfer(content, style)
+    if isinstance(method, kit.StyleTransfer):
+        return method.stylize(content, style)
     if hasattr(method, "stylize"):
         return method.stylize(content.motion, style=style.motion)
     return method(content.motion, style.motion)

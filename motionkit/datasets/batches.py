@@ -295,3 +295,32 @@ def fit_normalizer(data: Dataset) -> tuple[FeatureCache, Normalizer]:
             std[part] = torch.maximum(std[part], _LEAST_SPREAD * std[part].square().mean().sqrt())
     std[layout.slices["root"]] /= _ROOT_WEIGHT
     return encoded, Normalizer(found.mean, std.clamp(min=1e-5), found.layout, found.data_hash)
+
+
+class WindowSampler:
+    """Random windows of a dataset's clips, as trainings see them: `sample` gives a batch by torch's random numbers.
+
+    features: of the dataset. normalizer: of these features. size: windows a batch. frames: the shortest and the longest
+    window, multiples of 4; all of one batch have one length, which is drawn.
+    """
+
+    def __init__(
+        self, features: FeatureCache, normalizer: Normalizer, size: int, frames: tuple[int, int] = (40, 160)
+    ) -> None:
+        self.features, self.normalizer, self.size = features, normalizer, size
+        self.frames = min(frames), max(frames)
+
+    def sample(self) -> dict:
+        """A batch: `x`, normalised features [B, F, D]; `mask`, bool [B, F], frames that are there, None where all are;
+        `clips`, long [B], their numbers in the dataset; `names` of the clips."""
+        clips = torch.randint(len(self.features.dataset), (self.size,))
+        shortest, longest = (frames // 4 for frames in self.frames)
+        length = int(torch.randint(shortest, longest + 1, ())) * 4
+        x, mask = self.features.draw_masked(clips, length)
+        names = [self.features.dataset[n].name for n in clips.tolist()]
+        return {
+            "x": self.normalizer.normalize(x),
+            "mask": None if mask.all() else mask,
+            "clips": clips,
+            "names": names,
+        }

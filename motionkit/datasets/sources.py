@@ -231,19 +231,25 @@ _LARGEST = 1 << 28  # bytes of one clip; a guard against archives made to fill t
 
 
 class Labels(NamedTuple):
-    """What a clip shows.
+    """What a clip shows; what is empty is not known.
 
-    texts: sentences that describe it, the best one first. performer: who moves, where that is known. take: what was
-    recorded in one go; clips of one take resemble each other, so a split keeps them together (empty: the clip's name).
-    split: the part that the dataset's makers put it in (train, validation, test), where they did.
+    content: what is done, such as "walk". style: how, such as "neutral". texts: sentences that describe it, the best
+    one first. performer: who moves, where that is known. take: what was recorded in one go; clips of one take resemble
+    each other, so a split keeps them together (empty: the clip's name). split: the part that the dataset's makers put
+    it in (train, validation, test), where they did.
     """
 
-    content: str
-    style: str
-    texts: tuple[str, ...]
+    content: str = ""
+    style: str = ""
+    texts: tuple[str, ...] = ()
     performer: str = ""
     take: str = ""
     split: str = ""
+
+    @property
+    def caption(self) -> str:
+        """The best of the sentences; empty where there is none."""
+        return self.texts[0] if self.texts else ""
 
 
 @dataclass(frozen=True)

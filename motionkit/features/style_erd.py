@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 
 from .. import rotations as rot
-from ..motion import Motion
+from ..errors import MotionKitError
+from ..kinematics import forward_kinematics
+from ..motion import Motion, facing_of
+from ..skeleton import Skeleton
 from .canonical import forward_difference, integrate, motion_from_local
 from .layout import Layout, Row
 
@@ -69,6 +74,132 @@ class StyleERD(Layout):
 
 
 SETTLE = 0.3  # how much of the way to where its feet stand a body rises or falls in a frame, beside its velocity
-
-
 TENTH = 10.0  # velocities are in metres a tenth of a second: of about the size of positions
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """A motion as the network sees it, every frame from its own place on the ground and facing.
+
+    rotations: unit quaternions [F, J, 4], local, the root's without the facing. positions: [F, J, 3] metres above the
+    root's place on the ground. velocities: [F, J, 3], since the frame before, metres a tenth of a second; 0 in the
+    first frame, before which nothing is known. yaw: [F] radians and ground: [F, 2] metres, where each frame stands.
+    """
+
+    rotations: Tensor
+    positions: Tensor
+    velocities: Tensor
+    yaw: Tensor
+    ground: Tensor
+
+    def __len__(self) -> int:
+        return len(self.rotations)
+
+    @property
+    def x(self) -> Tensor:
+        """All that the network is given of a frame (paper 2, section 3.1), [F, 10J]."""
+        return torch.cat([part.flatten(1) for part in (self.rotations, self.positions, self.velocities)], 1)
+
+    @property
+    def seen(self) -> Tensor:
+        """What the critic sees, positions and velocities (paper 2, section 3.1), [F, 6J]."""
+        return torch.cat((self.positions.flatten(1), self.velocities.flatten(1)), 1)
+
+
+def frames_of(motion: Motion) -> Frames:
+    """A motion of F frames, its root the pelvis, as `Frames` (paper 2, section 3.1).
+
+    Unlike the paper's, directions are the facing's and not the world's: one who walks in a circle for an hour looks the
+    same all the time. Frame n needs frame n - 1 and no other.
+
+    >>> import motionkit as mk
+    >>> frames_of(mk.load("data/actor/walk_neutral.bvh")).x.shape
+    torch.Size([120, 220])
+    """
+    body = motion.without_helper_joints()
+    if not len(body):
+        raise MotionKitError(f"motion {motion.name!r} has no frames")
+    places, world = body.positions(), body.rotations
+    yaw = facing_of(body.skeleton, places, world)
+    back = rot.yaw_to_quaternion(-yaw)
+    ground = places[:, 0] * places.new_tensor([1.0, 0.0, 1.0])
+    turned = torch.cat((rot.quaternion_multiply(back, world[:, 0])[:, None], world[:, 1:]), 1)
+    turned = turned * torch.where(turned[..., :1] < 0, -1.0, 1.0)  # q and -q are one rotation; the nearer half to rest
+    moved = torch.cat((torch.zeros_like(places[:1]), places.diff(dim=0))) * (body.fps / TENTH)
+    local, speed = (rot.quaternion_rotate(back[:, None], one) for one in (places - ground[:, None], moved))
+    return Frames(turned, local, speed, yaw, ground[:, [0, 2]])
+
+
+def zero_first_velocity(x: Tensor, joints: int) -> Tensor:
+    """Windows of frames [N, F, 10J] as a stream sees them at its start: of the first one no velocity is known.
+
+    >>> zero_first_velocity(torch.ones(1, 2, 10), joints=1)[0, :, -4:]
+    tensor([[1., 0., 0., 0.],
+            [1., 1., 1., 1.]])
+    """
+    x = x.clone()
+    x[:, 0, -3 * joints :] = 0
+    return x
+
+
+def split(y: Tensor) -> tuple[Tensor, Tensor]:
+    """The network's answer [..., 7J] as unit quaternions [..., J, 4] and velocities [..., J, 3].
+
+    >>> rotations, velocities = split(torch.ones(2, 14))
+    >>> rotations.shape, velocities.shape
+    (torch.Size([2, 2, 4]), torch.Size([2, 2, 3]))
+    """
+    joints = y.shape[-1] // 7
+    turns, speeds = y[..., : 4 * joints], y[..., 4 * joints :]
+    return rot.normalize(turns.unflatten(-1, (joints, 4))), speeds.unflatten(-1, (joints, 3))
+
+
+def placed_positions(skeleton: Skeleton, offsets: Tensor, rotations: Tensor, lowest: Tensor) -> Tensor:
+    """Positions [..., J, 3] by forward kinematics, as high as the lowest foot is to be, [...] (paper 2, section 3.1).
+
+    offsets: [..., J, 3], of each body. The network says nothing of the root's height: whoever bends his knees comes
+    down, and one whose feet are off the ground stays in the air.
+    """
+    lying = offsets.clone()
+    lying[..., 0, :] = 0
+    places = forward_kinematics(skeleton, rotations, lying.expand(*rotations.shape[:-1], 3))
+    up = lowest - places[..., list(skeleton.feet()), 1].amin(-1)
+    return places + torch.stack((torch.zeros_like(up), up, torch.zeros_like(up)), -1)[..., None, :]
+
+
+def lowest_foot(skeleton: Skeleton, positions: Tensor) -> Tensor:
+    """The height of the lower foot, [...], from positions [..., J, 3]."""
+    return positions[..., list(skeleton.feet()), 1].amin(-1)
+
+
+def motion_from(content: Motion, frames: Frames, rotations: Tensor, velocities: Tensor) -> Motion:
+    """The network's answers for all frames as a motion on the content's body, which starts where the content does.
+
+    rotations, velocities: of `split`, [F, J, 4] and [F, J, 3]. Facing is the content's; the path is the root's velocity
+    added up (paper 2, section 3.1, leaves the path open). Its height is, too, and drawn to where the lower foot is as
+    high as the content's: that height alone would jump a little whenever the other foot becomes the lower one.
+    """
+    body = content.without_helper_joints()
+    skeleton, offsets = body.skeleton, body.translations
+    low = lowest_foot(skeleton, frames.positions)
+    height = filter_height(placed_positions(skeleton, offsets, rotations, low)[:, 0, 1], velocities[:, 0, 1], body.fps)
+    facing = rot.yaw_to_quaternion(frames.yaw)
+    step = velocities[:, 0] * velocities.new_tensor([1.0, 0.0, 1.0]) * (TENTH / body.fps)
+    step[0] = 0
+    path = rot.quaternion_rotate(facing, step).cumsum(0)[:, [0, 2]] + frames.ground[:1]
+    root = torch.stack((path[:, 0], height, path[:, 1]), 1)
+    turned = torch.cat((rot.quaternion_multiply(facing, rotations[:, 0])[:, None], rotations[:, 1:]), 1)
+    translations = torch.cat((root[:, None], offsets[:, 1:]), 1)
+    return content.with_helper_joints_of(body.replace(rotations=turned, translations=translations))
+
+
+def filter_height(heights: Tensor, speeds: Tensor, fps: float) -> Tensor:
+    """The root's heights [F] from those by the lower foot [F] and its vertical velocities [F], metres a tenth second.
+
+    >>> filter_height(torch.tensor([1.0, 2.0, 2.0]), torch.zeros(3), 60.0)
+    tensor([1.0000, 1.3000, 1.5100])
+    """
+    found = [heights[0]]
+    for height, up in zip(heights[1:], speeds[1:] * (TENTH / fps)):
+        found.append(torch.lerp(found[-1] + up, height, SETTLE))
+    return torch.stack(found)

@@ -2,7 +2,8 @@
 
 >>> import motionkit as mk
 >>> mk.methods.names()
-['copy-content', 'copy-style', 'few-shot', 'knn-dtw', 'linear', 'statistics', 'style-erd']
+['copy-content', 'copy-style', 'few-shot', 'knn-dtw', 'linear', 'statistics', 'style-code',
+     'style-erd']
 """
 
 from __future__ import annotations
@@ -13,17 +14,20 @@ import importlib.util
 import inspect
 
 from ..errors import MotionKitError
+from .base import Example, Labels, StyleTransfer
 
 _METHODS = {
     "copy-content": ("baselines", "CopyContent"),
     "copy-style": ("baselines", "CopyStyle"),
     "few-shot": ("few_shot", "FewShot"),
+    "style-code": ("style_code", "StyleCodeTransfer"),
     "knn-dtw": ("baselines", "KnnDtw"),
     "linear": ("baselines", "Linear"),
     "statistics": ("baselines", "Statistics"),
-    "style-erd": ("style_erd", "StyleErdMethod"),
+    "style-erd": ("style_erd", "StyleErdTransfer"),
 }
 
+__all__ = ["BASELINES", "Example", "Labels", "StyleTransfer", "load", "names"]
 BASELINES = ("copy-content", "copy-style", "knn-dtw", "linear", "statistics")  # to be beaten: no network learns in them
 
 

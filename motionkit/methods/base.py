@@ -1,10 +1,15 @@
-"""What methods of restyling share: a style fitted to the content's body, speed over the ground, standing feet."""
+"""What every method shares: `StyleTransfer`, the bracket around it, speed over the ground (paper 1, eq. 13), feet.
+
+A method writes `transfer` and nothing else. `stylize` checks what comes in, brings it onto the model's skeleton and
+frame rate, calls `transfer`, brings the result back onto the content's, plants the feet and names the result.
+"""
 
 from __future__ import annotations
 
 import hashlib
 from collections import OrderedDict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
 from typing import TypeVar
 from weakref import WeakKeyDictionary
 
@@ -13,6 +18,7 @@ from torch import Tensor
 
 from .. import rotations as rot
 from ..contacts import foot_contacts, lock_feet, two_bone_ik
+from ..datasets import Clip, Labels
 from ..dtw import gaussian_smooth
 from ..errors import MotionKitError, motion_inside
 from ..features.canonical import canonicalize
@@ -20,35 +26,174 @@ from ..motion import Motion
 from ..retargeting import retarget
 from ..skeleton import Skeleton
 
-_T = TypeVar("_T")
+NEUTRAL = ("neutral", "normal")  # what data sets call the style of their neutral clips
 STRONGEST = 5.0  # how many times all of a style somebody may ask for
 _UNDER = 0.01  # metres: feet that go less deep under the ground are let go
 _SOFT = 0.07  # seconds over which a foot that goes deeper is lifted
+_T = TypeVar("_T")
 
 
-def check_motions(method: str, content: Motion, style: Motion, strength: float = 1.0) -> None:
-    """Raises MotionKitError unless both are motions of two frames or more, and strength is a finite number.
+@dataclass(frozen=True, eq=False)
+class Example:
+    """A style given by a clip, with what is known of that clip."""
 
+    motion: Motion
+    labels: Labels = Labels()
+
+    @property
+    def name(self) -> str:
+        """The clip's name."""
+        return self.motion.name
+
+
+class StyleTransfer:
+    """A method of style transfer. A subclass sets `name` and writes `transfer`; a row of the arena by itself.
+
+    version: raised when its answers change, since kept results go by it. skeleton, fps: what its model was trained on;
+    None where it works on any. plants_feet: whether planted feet may be held still at all.
+
+    >>> class Slower(StyleTransfer):
+    ...     name = "slower"
+    ...     def transfer(self, body, style, strength, *, labels, seed):
+    ...         return scale_path(body, 1 - 0.5 * strength)
     >>> import motionkit as mk
     >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> check_motions("statistics", walk, walk)
-    >>> check_motions("statistics", walk, walk, strength="1")
+    >>> Slower().stylize(walk, style=walk)
+    Motion('walk_neutral as walk_neutral', 120 frames at 30 fps, 4.0 s, 22 joints)
+    """
+
+    name: str = ""
+    version: int = 1
+    skeleton: Skeleton | None = None
+    fps: float | None = None
+    plants_feet: bool = True
+
+    def stylize(
+        self,
+        content: Motion | Clip,
+        style: object,
+        strength: float = 1.0,
+        *,
+        lock_feet: bool = True,
+        labels: Labels | None = None,
+        seed: int = 0,
+    ) -> Motion:
+        """The content in a style.
+
+        content: F frames of any length, frame rate and skeleton that can be brought to the model's; or a dataset's
+        clip. style: as the method's class says: a label, a clip, a sentence, or a mapping of these to weights.
+        strength: 0 is the content, 1 the style; more exaggerates. lock_feet: hold planted feet still. labels: what is
+        known of the content; of a dataset's clip its own. seed: of all that is drawn. Returns F frames at the content's
+        rate, on its skeleton. Raises MotionKitError that says what is wrong with the arguments, and for a body that
+        cannot be brought to the model's.
+        """
+        if isinstance(content, Clip):
+            labels, content = labels or content.labels, content.motion
+        labels = labels or Labels()
+        check_motion("content", content)
+        check_strength(f"{self.name}: strength", strength)
+        if not isinstance(labels, Labels):
+            raise MotionKitError(f"{self.name}: labels are mk.methods.Labels('walk', 'neutral'); found {labels!r:.80}")
+        name = f"{content.name} as {style_name(style)}"
+        style = self.read_style(style)
+        if strength == 0:
+            return content.replace(name=name)
+        body = self.onto_model(content)
+        result = self.transfer(body, style, strength, labels=labels, seed=seed)
+        return self.bring_back(result, content, name, lock_feet=lock_feet)
+
+    def transfer(self, body: Motion, style: object, strength: float, *, labels: Labels, seed: int) -> Motion:
+        """The paper: F frames of a body in a style, on the same skeleton and at the same rate.
+
+        body: on `skeleton` and at `fps` where the method has them, without helper joints. style: as `read_style` gives
+        it. strength: above 0, or below for the opposite. labels: of the content, where known.
+        """
+        raise NotImplementedError
+
+    def read_style(self, style: object) -> object:
+        """The style in the form that `transfer` takes; by default a clip as an `Example`. MotionKitError for others."""
+        example = as_example(style)
+        if example is None:
+            raise MotionKitError(
+                f"{self.name} takes its style from a motion: stylize(content, style=mk.load('style.bvh')); found "
+                f"{style!r:.80}{motion_inside(style)}"
+            )
+        check_motion("style", example.motion)
+        return example
+
+    def onto_model(self, motion: Motion) -> Motion:
+        """A motion on the model's skeleton and at its rate, without helper joints; MotionKitError where it cannot be.
+
+        Bones stay as long as they are where the skeleton is the model's but for its size.
+        """
+        if not isinstance(motion, Motion):
+            raise MotionKitError(f"{self.name} takes a Motion, such as mk.load('walk.bvh'); found {motion!r:.80}")
+        body = without_helper_joints(motion)
+        if self.skeleton is not None and not body.skeleton.same_tree(self.skeleton):
+            joints, fps = len(self.skeleton), self.fps or body.fps
+            rest = rot.identity_quaternion(1, joints)
+            body = retarget_to(body, Motion.from_root(self.skeleton, rest, torch.zeros(1, 3), fps))
+        if self.fps is not None and abs(body.fps - self.fps) > 1e-3:
+            body = body.resample(self.fps, smooth=True)
+        return body
+
+    def bring_back(self, result: Motion, content: Motion, name: str, *, lock_feet: bool) -> Motion:
+        """What the model made, on the content's skeleton, in its frames, with planted feet and a name."""
+        body = without_helper_joints(content)
+        if result.skeleton is not body.skeleton:
+            result = retarget_to(result, body)
+        if self.fps is not None and (len(result) != len(body) or abs(result.fps - body.fps) > 1e-3):
+            times = torch.arange(len(body), dtype=torch.float64) * (self.fps / body.fps)
+            result = result.sample(times, smooth=True).replace(fps=body.fps)
+        result = self.place(result, body)
+        if lock_feet and self.plants_feet:
+            result = clean_up_feet(result, body)
+        if len(result) != len(content):
+            content = content.sample(torch.arange(len(result)))  # for the helper joints above the pelvis
+        return content.with_helper_joints_of(result).replace(name=name)
+
+    def place(self, result: Motion, content: Motion) -> Motion:
+        """Where the result stands, beside the content: where `transfer` left it, unless a method says otherwise."""
+        return result
+
+
+def style_name(style: object) -> str:
+    """What a style is called.
+
+    >>> style_name("old"), style_name({"old": 0.5, "proud": 0.5})
+    ('old', 'old + proud')
+    """
+    if isinstance(style, Mapping):
+        return " + ".join(style_name(one) for one in style)
+    return str(getattr(style, "name", style))
+
+
+def as_example(style: object) -> Example | None:
+    """A motion or a dataset's clip as an example of a style; None for anything else.
+
+    >>> as_example("old") is None
+    True
+    """
+    if isinstance(style, Clip):
+        return Example(style.motion, style.labels)
+    if isinstance(style, Motion):
+        return Example(style)
+    return style if isinstance(style, Example) else None
+
+
+def check_motion(what: str, motion: object) -> None:
+    """Raises MotionKitError unless it is a motion of two frames or more.
+
+    >>> check_motion("content", "walk.bvh")
     Traceback (most recent call last):
     ...
-    motionkit.errors.MotionKitError: statistics: strength must be a number ...
+    motionkit.errors.MotionKitError: the content must be a Motion, such as mk.load('walk.bvh'); found 'walk.bvh'
     """
-    if not isinstance(content, Motion):
-        hint = motion_inside(content)
-        raise MotionKitError(f"the content must be a Motion, such as mk.load('walk.bvh'); found {content!r}{hint}")
-    if not isinstance(style, Motion):
-        raise MotionKitError(
-            f"{method} takes its style from a motion: stylize(content, style=mk.load('style.bvh')); found "
-            f"{style!r}{motion_inside(style)}"
-        )
-    for what, motion in (("content", content), ("style", style)):
-        if len(motion) < 2:
-            raise MotionKitError(f"the {what} clip {motion.name!r} has {len(motion)} frames; two are the least")
-    check_strength(f"{method}: strength", strength)
+    if not isinstance(motion, Motion):
+        hint = motion_inside(motion)
+        raise MotionKitError(f"the {what} must be a Motion, such as mk.load('walk.bvh'); found {motion!r:.80}{hint}")
+    if len(motion) < 2:
+        raise MotionKitError(f"the {what} clip {motion.name!r} has {len(motion)} frames; two are the least")
 
 
 def check_strength(what: str, share: object) -> None:
@@ -273,16 +418,6 @@ def _above_ground(body: Motion, content: Motion, feet: list[int]) -> Motion:
             )
             body = two_bone_ik(body, leg, places[:, leg[2]] + up)
     return body
-
-
-def result_name(content: Motion, style: Motion | str) -> str:
-    """What a result is called.
-
-    >>> import motionkit as mk
-    >>> result_name(mk.load("data/actor/walk_neutral.bvh"), "old")
-    'walk_neutral as old'
-    """
-    return f"{content.name} as {getattr(style, 'name', style)}"
 
 
 def motion_hash(motion: Motion) -> bytes:

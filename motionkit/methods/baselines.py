@@ -1,4 +1,4 @@
-"""The two ends of every table: the content as it is, with none of the style, and the style clip, with all of it."""
+"""Methods to beat, without a network: copies, statistics, KNN + DTW (paper 1, section 6.2), a linear filter."""
 
 from __future__ import annotations
 
@@ -10,30 +10,32 @@ from torch import Tensor
 from .. import rotations as rot
 from ..datasets import Dataset
 from ..dtw import gaussian_smooth, pose_velocity_features
-from ..errors import MotionKitError, motion_inside
+from ..errors import MotionKitError
 from ..features import FacingFree
 from ..motion import Motion
 from .base import (
+    NEUTRAL,
+    Example,
+    Labels,
     LRUCache,
+    StyleTransfer,
     align_start,
-    check_motions,
+    check_motion,
     clamp_ratio,
-    clean_up_feet,
     liveliness,
     match_root_speed,
     motion_hash,
     rest_key,
-    result_name,
     retarget_if_needed,
     retarget_to,
     same_rest,
     warp_velocity,
     without_helper_joints,
 )
-from .neutral_pairs import NEUTRAL, ByLabels, NeutralPairs, Pair, add_pose_difference
+from .neutral_pairs import NeutralPairs, Pair, add_pose_difference
 
 
-class CopyContent:
+class CopyContent(StyleTransfer):
     """Returns the content: nothing of it is lost, and no style is there. Any method should beat it in style.
 
     >>> import motionkit as mk
@@ -43,19 +45,21 @@ class CopyContent:
     """
 
     name = "copy-content"
+    plants_feet = False
 
-    def stylize(self, content: Motion, style: object) -> Motion:
-        """The content clip under a new name. style: anything, it is not looked at. MotionKitError for no Motion."""
-        if not isinstance(content, Motion):
-            hint = motion_inside(content)
-            raise MotionKitError(f"the content must be a Motion, such as mk.load('walk.bvh'); found {content!r}{hint}")
-        return content.replace(name=result_name(content, style))
+    def read_style(self, style: object) -> object:
+        """Anything: it is not looked at."""
+        return style
+
+    def transfer(self, body: Motion, style: object, strength: float, *, labels: Labels, seed: int) -> Motion:
+        """The content."""
+        return body
 
 
-class CopyStyle:
+class CopyStyle(StyleTransfer):
     """Returns the style clip, on the content's skeleton: all of the style, and what is done is the style clip's.
 
-    Any method should beat it in content.
+    Any method should beat it in content. The result has as many frames as the style clip has at the content's rate.
 
     >>> import motionkit as mk
     >>> walk, old = (mk.load(f"data/actor/walk_{s}.bvh") for s in ("neutral", "old"))
@@ -64,18 +68,11 @@ class CopyStyle:
     """
 
     name = "copy-style"
+    plants_feet = False
 
-    def stylize(self, content: Motion, style: Motion) -> Motion:
-        """The style clip with as many frames as it has itself, at the content's rate and on its skeleton.
-
-        It starts where the content starts, facing the same way. Raises MotionKitError for what is no Motion, or a body
-        that cannot do what the style's does.
-        """
-        check_motions(self.name, content, style)
-        body = without_helper_joints(content)
-        copied = align_start(retarget_to(without_helper_joints(style.resample(content.fps)), body), body)
-        around = content.sample(torch.arange(len(copied)))  # helper joints above the pelvis, as the content has them
-        return around.with_helper_joints_of(copied).replace(name=result_name(content, style))
+    def transfer(self, body: Motion, style: Example, strength: float, *, labels: Labels, seed: int) -> Motion:
+        """The style clip, starting where the content starts and facing the same way."""
+        return align_start(retarget_to(without_helper_joints(style.motion.resample(body.fps)), body), body)
 
 
 def match_statistics(content: Tensor, style: Tensor, most: float = 3.0) -> Tensor:
@@ -93,7 +90,7 @@ def match_statistics(content: Tensor, style: Tensor, most: float = 3.0) -> Tenso
     return (content - content.mean(0)) * gain + style.mean(0)
 
 
-class Statistics:
+class Statistics(StyleTransfer):
     """Statistics transfer: match mean and spread per feature, warp the speed (paper 1, eq. 13), lock the feet.
 
     It needs no training and one style clip. The features are paper 1's (`FacingFree`); a style on another rig is
@@ -110,47 +107,34 @@ class Statistics:
     name = "statistics"
 
     def __init__(self) -> None:
-        self._fitted = LRUCache(32)
+        self._styles = LRUCache(32)
 
-    def stylize(self, content: Motion, style: Motion, strength: float = 1.0, lock: bool = True) -> Motion:
-        """The content clip in the manner of the style clip.
-
-        content: F frames. style: a Motion of any length, frame rate and skeleton that can be retargeted to the
-        content's. strength: 0 keeps the content, 1 takes all of the style's statistics, more exaggerates. lock: hold
-        standing feet still. Returns F frames at the content's rate, on its skeleton, starting where it starts. Raises
-        MotionKitError if the style is no Motion, a clip is too short, strength is no number, or the style's body cannot
-        be brought to the content's.
-        """
-        check_motions(self.name, content, style, strength)
-        if strength == 0:
-            return content.replace(name=result_name(content, style))
-        given, layout = without_helper_joints(content), FacingFree(fps=content.fps)
-        x = layout.encode(given)
-        wanted, style_liveliness = self._style(style, given)
+    def transfer(self, body: Motion, style: Example, strength: float, *, labels: Labels, seed: int) -> Motion:
+        """Each feature with the style clip's mean and standard deviation; the root's speed warped (paper 1, eq. 13)."""
+        layout = FacingFree(fps=body.fps)
+        x = layout.encode(body)
+        wanted, style_liveliness = self._statistics_of(style.motion, body)
         y = torch.lerp(x, match_statistics(x, wanted), strength)
         y[:, :3] = x[:, :3]  # the path is the content's; only its speed is warped
-        factor = 1 + strength * (clamp_ratio(style_liveliness / liveliness(given)) - 1)
-        place = given.translations[0, 0] * torch.tensor([1.0, 0.0, 1.0])
-        body = layout.decode(warp_velocity(y, factor)).transform(given[:1].facing()[0], place)
-        if lock:
-            body = clean_up_feet(body, given)
-        return content.with_helper_joints_of(body).replace(name=result_name(content, style))
+        factor = 1 + strength * (clamp_ratio(style_liveliness / liveliness(body)) - 1)
+        start = body.translations[0, 0] * torch.tensor([1.0, 0.0, 1.0])
+        return layout.decode(warp_velocity(y, factor)).transform(body[:1].facing()[0], start)
 
-    def _style(self, style: Motion, content: Motion) -> tuple[Tensor, float]:
+    def _statistics_of(self, style: Motion, content: Motion) -> tuple[Tensor, float]:
         """The style's features [G, D] on the content's kind of body, and how lively it is."""
 
         def work_out() -> tuple[Tensor, float]:
-            fitted = retarget_if_needed(without_helper_joints(style.resample(content.fps)), content)
-            return FacingFree(fitted.skeleton, content.fps).encode(fitted), liveliness(fitted)
+            motion = retarget_if_needed(without_helper_joints(style.resample(content.fps)), content)
+            return FacingFree(motion.skeleton, content.fps).encode(motion), liveliness(motion)
 
-        return self._fitted.get((motion_hash(style), content.fps, rest_key(content.skeleton)), work_out)
+        return self._styles.get((motion_hash(style), content.fps, rest_key(content.skeleton)), work_out)
 
 
 _NEAR = 0.3  # frames less unlike than this, in the unit of `pose_velocity_features`, count as the same
 _CARRY_EASE = 0.07  # seconds: standard deviation of the Gaussian over differences that are carried over
 
 
-class KnnDtw(ByLabels):
+class KnnDtw(StyleTransfer):
     """KNN + DTW style transfer (paper 1, section 6.2, tables 2 and 3): pairs from a library, no training.
 
     The style clip's pair is the nearest segment of a neutral clip of the same content, aligned by dynamic time warping.
@@ -163,10 +147,10 @@ class KnnDtw(ByLabels):
     >>> import motionkit as mk
     >>> from motionkit.datasets import BvhSource, Item, Labels, from_items
     >>> walk, style = mk.load("data/actor/walk_neutral.bvh"), mk.load("data/actor/walk_old.bvh")
-    >>> jump = Item("jump", Labels("jump", "neutral", ()), BvhSource.at("data/actor/jump_neutral.bvh"))
-    >>> step = Item("walk", Labels("walk", "neutral", ()), BvhSource.at("data/actor/walk_neutral.bvh"))
+    >>> jump = Item("jump", Labels("jump", "neutral"), BvhSource.at("data/actor/jump_neutral.bvh"))
+    >>> step = Item("walk", Labels("walk", "neutral"), BvhSource.at("data/actor/walk_neutral.bvh"))
     >>> method = mk.methods.load("knn-dtw", library=from_items("mine", [jump, step]))
-    >>> method.stylize(walk, style=style, style_content="walk")
+    >>> method.stylize(walk, style=Example(style, Labels("walk")))
     Motion('walk_neutral as walk_old', 120 frames at 30 fps, 4.0 s, 22 joints)
     """
 
@@ -185,45 +169,24 @@ class KnnDtw(ByLabels):
 
         content: what the clip does, a label of the library; left out, neutral clips of all contents are searched.
         """
-        check_motions(self.name, style, style)
+        check_motion("style", style)
         return self.pairs.neutral_of(style, content)
 
-    def stylize(
-        self,
-        content: Motion,
-        style: Motion,
-        strength: float = 1.0,
-        lock: bool = True,
-        *,
-        content_label: str | None = None,
-        content_style: str | None = None,
-        style_content: str | None = None,
-        style_label: str | None = None,
-    ) -> Motion:
-        """The content clip in the manner of the style clip.
+    def transfer(self, body: Motion, style: Example, strength: float, *, labels: Labels, seed: int) -> Motion:
+        """The content plus the differences of the style's pair; a styled content is made neutral first.
 
-        content: F frames. style: a Motion of any length, frame rate and skeleton that can be retargeted to the
-        content's. strength: 0 keeps the content, 1 is the style, more exaggerates. lock: hold standing feet still.
-        content_label, style_content: what is done in each clip, labels of the library; left out, the nearest clip over
-        all contents is taken. content_style: the content's own style; left out, it counts as neutral. style_label: the
-        style's; where it is neutral, the content is only made neutral. Returns F frames at the content's rate, on its
-        skeleton, starting where it starts. Raises MotionKitError for arguments that are none of these.
+        Labels of both clips, where known, say among which contents their pairs are looked for.
         """
-        check_motions(self.name, content, style, strength)
-        if strength == 0:
-            return content.replace(name=result_name(content, style))
-        given = without_helper_joints(content)
-        body = given
-        if content_style is not None and content_style not in NEUTRAL:
-            own = self.pairs.pair(content, content_label, given)
-            body = add_pose_difference(body, -strength * carry_difference(body, own.looks[0], own.difference))
-        if style_label not in NEUTRAL:
-            pair = self.pairs.pair(style.resample(content.fps), style_content, given)
-            body = add_pose_difference(body, strength * carry_difference(body, pair.looks[1], pair.difference))
-        body = match_root_speed(body, given)
-        if lock:
-            body = clean_up_feet(body, given)
-        return content.with_helper_joints_of(body).replace(name=result_name(content, style))
+        result = body
+        if labels.style and labels.style not in NEUTRAL:
+            own = self.pairs.pair(body, labels.content or None, body)
+            features, difference = own.features[0], own.difference
+            result = add_pose_difference(result, -strength * carry_difference(result, features, difference))
+        if style.labels.style not in NEUTRAL:
+            pair = self.pairs.pair(style.motion.resample(body.fps), style.labels.content or None, body)
+            features, difference = pair.features[1], pair.difference
+            result = add_pose_difference(result, strength * carry_difference(result, features, difference))
+        return match_root_speed(result, body)
 
 
 def carry_difference(motion: Motion, known: Tensor, differences: Tensor) -> Tensor:
@@ -301,7 +264,7 @@ def _moments(x: Tensor, fps: float) -> Tensor:
     return torch.cat([x[(frames + round(t * fps)).clamp(0, len(x) - 1)] for t in _TAPS], 1)
 
 
-class Linear(ByLabels):
+class Linear(StyleTransfer):
     """Linear time-invariant style translation, in the manner of Hsu, Pulli and Popovic 2005.
 
     Theirs: neutral and styled performances of the same are aligned by time warping, and a linear time-invariant system
@@ -318,7 +281,7 @@ class Linear(ByLabels):
     >>> import motionkit as mk
     >>> from motionkit.datasets import BvhSource, Item, Labels, from_items
     >>> walk, style = mk.load("data/actor/walk_neutral.bvh"), mk.load("data/actor/walk_old.bvh")
-    >>> step = Item("walk", Labels("walk", "neutral", ()), BvhSource.at("data/actor/walk_neutral.bvh"))
+    >>> step = Item("walk", Labels("walk", "neutral"), BvhSource.at("data/actor/walk_neutral.bvh"))
     >>> mk.methods.load("linear", library=from_items("mine", [step])).stylize(walk, style=style)
     Motion('walk_neutral as walk_old', 120 frames at 30 fps, 4.0 s, 22 joints)
     """
@@ -337,46 +300,10 @@ class Linear(ByLabels):
         self.pairs, self._filters = NeutralPairs(train), LRUCache(128)
         return self
 
-    def stylize(
-        self,
-        content: Motion,
-        style: Motion | str,
-        strength: float = 1.0,
-        lock: bool = True,
-        *,
-        content_label: str | None = None,
-        content_style: str | None = None,
-        style_content: str | None = None,
-        style_label: str | None = None,
-    ) -> Motion:
-        """The content clip in the manner of a style.
-
-        content: F frames. style: a label of the library, or a Motion; with a label or `style_label` that the library
-        has, the filter is learned from its clips, else from the given clip and its pair. strength: 0 keeps the content,
-        1 is the style, more exaggerates. lock: hold standing feet still. content_label, style_content: what is done in
-        each clip, for the search of pairs. content_style: the content's own style; left out, it counts as neutral.
-        Returns F frames at the content's rate, on its skeleton, starting where it starts. Raises MotionKitError for
-        arguments that are none of these.
-        """
-        if isinstance(style, str):
-            style_label = self._known(style)
-        check_motions(self.name, content, content if isinstance(style, str) else style, strength)
-        if strength == 0:
-            return content.replace(name=result_name(content, style))
-        given = without_helper_joints(content)
-        body = given
-        for clip, said, label, back in (
-            (content, content_label, content_style or NEUTRAL[0], True),
-            (style, style_content, style_label, False),
-        ):
-            if label not in NEUTRAL:
-                body = self._filter(clip, said, label, back, given).apply(body, strength)
-        body = match_root_speed(body, given)
-        if lock:
-            body = clean_up_feet(body, given)
-        return content.with_helper_joints_of(body).replace(name=result_name(content, style))
-
-    def _known(self, style: str) -> str:
+    def read_style(self, style: object) -> Example | str:
+        """A label of the library, or a clip."""
+        if not isinstance(style, str):
+            return super().read_style(style)
         styles = self.pairs.library.styles
         if style not in styles:
             raise MotionKitError(
@@ -385,15 +312,29 @@ class Linear(ByLabels):
             )
         return style
 
-    def _filter(self, clip: Motion | str, content: str | None, label: str | None, back: bool, body: Motion) -> Filter:
-        """From a label's clips in the library, or from the clip itself where it has none."""
-        if label in self.pairs.library.styles:
-            key = (label, body.skeleton.names, body.skeleton.parents)
-            pairs = self._filters.get(key, lambda: self._pairs_of(label, body))
+    def transfer(self, body: Motion, style: Example | str, strength: float, *, labels: Labels, seed: int) -> Motion:
+        """The content with what its filters predict: first to neutral where it is styled, then to the style.
+
+        With a label that the library has, the filter is learned from its clips, else from the given clip and its pair.
+        """
+        example = Example(body, Labels(style=style)) if isinstance(style, str) else style
+        own_style = labels.style or NEUTRAL[0]
+        result = body
+        if own_style not in NEUTRAL:
+            result = self._filter(body, Labels(labels.content, own_style), True, body).apply(result, strength)
+        if example.labels.style not in NEUTRAL:
+            result = self._filter(example.motion, example.labels, False, body).apply(result, strength)
+        return match_root_speed(result, body)
+
+    def _filter(self, clip: Motion, labels: Labels, back: bool, body: Motion) -> Filter:
+        """From a label's clips in the library, or from the clip itself where the library has none."""
+        if labels.style in self.pairs.library.styles:
+            key = (labels.style, body.skeleton.names, body.skeleton.parents)
+            pairs = self._filters.get(key, lambda: self._pairs_of(labels.style, body))
         else:
             clip = clip.resample(body.fps)
-            key = (motion_hash(clip), content)
-            pairs = [self.pairs.pair(clip, content)]
+            key = (motion_hash(clip), labels.content or None)
+            pairs = [self.pairs.pair(clip, labels.content or None)]
         alike = same_rest(pairs[0].styled.skeleton, body.skeleton)  # then it serves bodies of all sizes
         key = (*key, back, None if alike else rest_key(body.skeleton))
         return self._filters.get(

@@ -13,12 +13,13 @@ import torch
 from torch import Tensor
 
 from .. import rotations as rot
-from ..datasets import Clip, Dataset
+from ..datasets import Dataset
 from ..datasets.loading import load as load_dataset
 from ..dtw import EVEN, dtw, dtw_costs, pose_velocity_features, step_penalty_for, warp
 from ..errors import MotionKitError
 from ..motion import Motion
 from .base import (
+    NEUTRAL,
     LRUCache,
     align_start,
     motion_hash,
@@ -29,23 +30,7 @@ from .base import (
     without_helper_joints,
 )
 
-NEUTRAL = ("neutral", "normal")  # what data sets call the style of their neutral clips
 _COARSE, _FINE = 4, 12  # many clips are first compared in every fourth frame; so many are then looked at closely
-
-
-class ByLabels:
-    """For methods whose `stylize` can be told what is done in both clips, and how: they take it from labelled clips."""
-
-    def transfer(self, content: Clip, style: Clip) -> Motion:
-        """`stylize` for labelled clips: their labels say where to look for pairs, and what is neutral already."""
-        return self.stylize(
-            content.motion,
-            style.motion,
-            content_label=content.content,
-            content_style=content.style,
-            style_content=style.content,
-            style_label=style.style,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +46,7 @@ class Pair:
         return pose_difference(self.styled, self.neutral)
 
     @cached_property
-    def looks(self) -> tuple[Tensor, Tensor]:
+    def features(self) -> tuple[Tensor, Tensor]:
         """`pose_velocity_features` of the styled and of the neutral motion, [F, 6J] each: by what frames are found."""
         return pose_velocity_features(self.styled, centred=False), pose_velocity_features(self.neutral, centred=False)
 

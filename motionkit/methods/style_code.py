@@ -1,14 +1,21 @@
-"""Styles that nobody has named, and what the performer makes of them: lessons for a space of styles."""
+"""The kit's own method, beyond paper 1: styles as codes. One clip says which of all styles it shows, in seconds.
+
+Paper 1, section 7, names a model for every style as its limitation. Here its chain (eq. 9) is taught once, by its own
+loss (eq. 10), on neutral motions performed again in thousands of random styles, each a vector of 37 numbers, the
+*code*. To learn a style from a clip is then to read its code off the clip and to search nearby, by the same loss; all
+else stays as it is. Only the performer can perform a motion in a style that nobody ever captured: it is the data of
+this method, and of its labels in training, never an answer.
+"""
 
 from __future__ import annotations
 
 import copy
+import difflib
 import os
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
 import torch
@@ -19,19 +26,25 @@ from tqdm.auto import tqdm
 from .. import checkpoints, text
 from ..actor import CONTENTS, VERSION, Style, parameters, perform, retell
 from ..actor.style import TRAIN_STYLES, get_style
+from ..checkpoints import Checkpoint, Saved
 from ..datasets import Dataset
 from ..datasets.performed import FPS, PERFORMERS
 from ..errors import MotionKitError
 from ..features import Normalizer
 from ..features.facing_free import OfBody, encode_normalized
 from ..layers import Denoiser, SemanticEncoder, TransformerConfig
-from ..sampling import PartialDiffusion, reconstruction_loss
-from ..training import TrainConfig, default_path, device_of, fit, main_process_first
+from ..motion import Motion
+from ..sampling import Denoise, PartialDiffusion, reconstruction_loss
+from ..training import TrainConfig, TrainOrder, fit
 from . import text_to_motion
-from .text_to_motion import Prior
+from .base import NEUTRAL, Example
+from .few_shot import NAMELESS, FewShot
+from .text_to_motion import Discriminator, Prior
 
 FRAMES = 144  # of a lesson
 _FIRST_SEED = 500_000  # of performances; data sets have others
+SEARCH_STEPS, SEARCH_LR = 100, 0.05
+LABEL_CLIPS = 12  # read for a label of the library
 _ROOM = 15  # frames that a performance is longer
 
 
@@ -143,23 +156,23 @@ class CodedDenoiser(nn.Module):
     def __init__(self, denoiser: Denoiser, codes: int = CODES) -> None:
         super().__init__()
         self.denoiser, width = denoiser, denoiser.config.width
-        self.straight = nn.Linear(codes + 1, width, bias=False)
-        self.bent = nn.Sequential(nn.Linear(codes + 1, width), nn.SiLU(), nn.Linear(width, width, bias=False))
+        self.linear = nn.Linear(codes + 1, width, bias=False)
+        self.mlp = nn.Sequential(nn.Linear(codes + 1, width), nn.SiLU(), nn.Linear(width, width, bias=False))
 
     def forward(self, x: Tensor, t: Tensor, text: Tensor, code: Tensor, mask: Tensor | None = None) -> Tensor:
         """As `layers.Denoiser.forward`; code: [B, C + 1]."""
-        return self.denoiser(x, t, text, mask, self.straight(code) + self.bent(code))
+        return self.denoiser(x, t, text, mask, self.linear(code) + self.mlp(code))
 
 
 class GaussianCode(NamedTuple):
-    """What a reader guesses of codes: the mean of all that are possible, and how far they lie around it, [..., C]."""
+    """What an encoder says of codes: the mean of all that are possible, and their standard deviation, [..., C]."""
 
     code: Tensor
     spread: Tensor
 
     @classmethod
     def of(cls, numbers: Tensor) -> GaussianCode:
-        """From what the network says, [..., 2 C].
+        """From the network's output, [..., 2 C].
 
         >>> code, spread = GaussianCode.of(torch.zeros(5, 2 * CODES))
         >>> code.shape == spread.shape == (5, CODES) and bool((spread > 0).all())
@@ -169,333 +182,486 @@ class GaussianCode(NamedTuple):
         return cls(code, _LEAST_SPREAD + nn.functional.softplus(spread - 1))
 
 
-@dataclass(eq=False)
-class StyleCodeModel:
-    """What `python -m motionkit train space` makes, beyond paper 1; `mk.methods.load("few-shot")` finds styles in it.
-
-    prior: what takes motions forwards. network: what takes them back. chain: the steps that it was taught on. reader:
-    what reads a code off a styled motion; without one a style is looked for from neutral on.
-    """
-
-    prior: Prior
-    network: CodedDenoiser
-    chain: PartialDiffusion
-    reader: SemanticEncoder | None = None
-    card: dict = field(default_factory=dict, repr=False)
-
-    def __repr__(self) -> str:
-        return f"StyleSpace({CODES} numbers say a style, on {self.prior!r})"
-
-    @cached_property
-    def key(self) -> str:
-        """The same for the same weights of prior and space, and for no others; the reader does not count."""
-        state = {name: value.half() for name, value in self.network.state_dict().items()}
-        return text.content_key(state, self.prior.key)
-
-    @property
-    def config(self) -> TransformerConfig:
-        """The network's sizes."""
-        return self.network.denoiser.config
-
-    @torch.no_grad()
-    def neutral(self, x: Tensor, caption: str) -> Tensor:
-        """The neutral motion for one in any style, features [F, D] both: the chain forwards, and back told to be so.
-
-        It is quicker than paper 1's way through much noise (eqs. 7 and 8), and stays in step with the example.
-        """
-        noised = self.chain.forward(self.prior.predict([text.to_neutral(caption)], 1.0), x[None])
-        words = self.prior.encoder.encode([text.to_neutral(caption)])
-        code = torch.zeros(1, CODES + 1)
-        code[:, -1] = 1
-        return self.chain.reverse(lambda y, t: self.network(y, t, words, code), noised)[-1, 0]
-
-    @torch.no_grad()
-    def read(self, x: Tensor) -> GaussianCode | None:
-        """What the reader guesses of the code of a styled motion's features [F, D]; None without a reader."""
-        if self.reader is None:
-            return None
-        first = max(len(x) - self.reader.config.frames, 0) // 2
-        return GaussianCode.of(self.reader(x[None, first : first + self.reader.config.frames])[0])
-
-    def save_reader(self, path: str | os.PathLike, card: dict) -> Path:
-        """The reader's weights and card, see `checkpoints.save`; 16 bits."""
-        tensors = {name: value.half() for name, value in self.reader.state_dict().items()}
-        card = {"kind": "reader", **card, "config": asdict(self.reader.config), "prior": self.prior.key}
-        return checkpoints.save(path, tensors, card)
-
-    def load_reader(self, path: str | os.PathLike) -> StyleCodeModel:
-        """The space with the reader that `save_reader` wrote; MotionKitError where it is for another prior."""
-        tensors, card = checkpoints.load(path, "reader")
-        if card.get("prior") != self.prior.key:
-            raise MotionKitError(f"{path}: this reader sees motions as another prior does; train one for this")
-        reader = new_style_encoder(self.prior, checkpoints.load_config(path, card, TransformerConfig)).eval()
-        checkpoints.load_into(reader, {name: value.float() for name, value in tensors.items()}, path)
-        self.reader = reader.requires_grad_(False)
-        return self
-
-    def save(self, path: str | os.PathLike) -> Path:
-        """Weights and card, see `checkpoints.save`; 16 bits."""
-        tensors = {name: value.half() for name, value in self.network.state_dict().items()}
-        card = {"kind": "space", **self.card, "config": asdict(self.config), "prior": self.prior.key}
-        return checkpoints.save(path, tensors, card | {"codes": list(parameters()), "stops": list(self.chain.stops)})
-
-    @classmethod
-    def load(cls, path: str | os.PathLike, prior: Prior) -> StyleCodeModel:
-        """From what `save` wrote, for the prior that it was made from; MotionKitError where they do not fit."""
-        tensors, card = checkpoints.load(path, "space")
-        if card.get("prior") != prior.key or card.get("codes") != list(parameters()):
-            raise MotionKitError(f"{path}: made from another prior, or by another performer; get both files again")
-        config = checkpoints.load_config(path, card, TransformerConfig)
-        size, words = prior.layout.size, prior.encoder.size
-        network = CodedDenoiser(Denoiser(size, words, config, prior.schedule.steps)).eval()
-        checkpoints.load_into(network, {name: value.float() for name, value in tensors.items()}, path)
-        return cls(
-            prior, network.requires_grad_(False), PartialDiffusion(prior.schedule, tuple(card["stops"])), card=card
-        )
-
-
 def new_style_encoder(prior: Prior, config: TransformerConfig | None = None) -> SemanticEncoder:
-    """A network: paper 1's discriminator, `GaussianCode`s in place of sentences' vectors."""
+    """Paper 1's discriminator, but for `GaussianCode`s in place of sentences' vectors."""
     config = config or prior.network.config
     return SemanticEncoder(prior.layout.size, 2 * CODES, config, prior.network.embedding)
 
 
-@lru_cache(maxsize=2)
-def load(name: str = "actor") -> StyleCodeModel:
-    """The shipped space of styles of a dataset; MotionKitError if there is none."""
-    return load_for(text_to_motion.load(name)) or StyleCodeModel.load(
-        checkpoints.find(f"{name}-space"), text_to_motion.load(name)
-    )
+@dataclass(eq=False)
+class StyleEncoder(Checkpoint):
+    """Reads a code off a styled motion; what `python -m motionkit train style-encoder` makes."""
+
+    kind = "style-encoder"
+
+    prior: Prior
+    network: SemanticEncoder
+    card: dict = field(default_factory=dict, repr=False)
+
+    @torch.no_grad()
+    def __call__(self, x: Tensor) -> GaussianCode:
+        """The code of a styled motion's features [F, D], and how sure it is; of a long one by its middle."""
+        frames = self.network.config.frames
+        first = max(len(x) - frames, 0) // 2
+        return GaussianCode.of(self.network(x[None, first : first + frames])[0])
+
+    def networks(self) -> dict[str, nn.Module]:
+        """See `checkpoints.Checkpoint`."""
+        return {"network": self.network}
+
+    def facts(self) -> dict:
+        """Sizes, and the prior whose features it reads."""
+        return {"config": asdict(self.network.config), "prior": self.prior.key}
+
+    @classmethod
+    def restore(cls, saved: Saved, prior: Prior) -> StyleEncoder:
+        """prior: the one that it learned with; MotionKitError for another."""
+        if saved.card.get("prior") != prior.key:
+            raise MotionKitError(f"{saved.path}: this reads motions as another prior does; train one for this")
+        network = new_style_encoder(prior, saved.config(TransformerConfig))
+        return cls(prior, saved.fill("network", network), saved.card)
 
 
-def load_for(prior: Prior) -> StyleCodeModel | None:
-    """The shipped space that was made from this very prior, with its reader if there is one; or None."""
-    data, there = prior.card.get("data"), checkpoints.names()
-    if f"{data}-space" not in there:
-        return None
-    path = checkpoints.find(f"{data}-space")
-    if checkpoints.load(path, "space")[1].get("prior") != prior.key:
-        return None
-    space = StyleCodeModel.load(path, prior)
-    return space.load_reader(checkpoints.find(f"{data}-reader")) if f"{data}-reader" in there else space
+@dataclass(eq=False)
+class StyleCodeModel(Checkpoint):
+    """A prior that has seen so many styles change a motion that a code says which; `train style-code` makes it.
 
-
-class StyleCode(nn.Module):
-    """A style as a point of a space: the network as it is, told one code, which alone is learned.
-
-    It has an `Adapter`'s interface, so `teach` finds the point as it trains an adapter; but the sentences that it hears
-    stay neutral. start: a style, or what was
-    read off a clip; neutral if left out.
+    prior: what takes motions forwards. network: what takes them back. partial: the steps that it was taught on.
+    encoder: what reads a code off a styled motion; without one a style is looked for from neutral on.
     """
 
-    rank, uses_style_text = 0, False
+    kind = "style-code-model"
 
-    def __init__(self, space: StyleCodeModel, start: Style | GaussianCode | None = None) -> None:
+    prior: Prior
+    network: CodedDenoiser
+    partial: PartialDiffusion
+    encoder: StyleEncoder | None = None
+    card: dict = field(default_factory=dict, repr=False)
+
+    def __repr__(self) -> str:
+        return f"StyleCodeModel({CODES} numbers say a style, on {self.prior!r})"
+
+    @cached_property
+    def key(self) -> str:
+        """The same for the same weights of prior and network, and for no others; the encoder does not count."""
+        state = {name: value.half() for name, value in self.network.state_dict().items()}
+        return text.content_key(state, self.prior.key)
+
+    @torch.no_grad()
+    def neutral(self, x: Tensor, caption: str) -> Tensor:
+        """The neutral motion for one in any style, features [F, D] both: forwards, and back told to be neutral.
+
+        It is quicker than paper 1's way through much noise (eqs. 7 and 8), and stays in step with the example.
+        """
+        noised = self.partial.forward(self.prior.predict([text.to_neutral(caption)], 1.0), x[None])
+        words = self.prior.encoder.encode([text.to_neutral(caption)])
+        code = torch.zeros(1, CODES + 1)
+        code[:, -1] = 1
+        return self.partial.reverse(lambda y, t: self.network(y, t, words, code), noised)[-1, 0]
+
+    def networks(self) -> dict[str, nn.Module]:
+        """See `checkpoints.Checkpoint`."""
+        return {"network": self.network}
+
+    def facts(self) -> dict:
+        """Sizes, the prior that it was made from, and what the numbers of a code are called."""
+        facts = {"config": asdict(self.network.denoiser.config), "prior": self.prior.key}
+        return {**facts, "codes": list(parameters()), "timesteps": list(self.partial.timesteps)}
+
+    @classmethod
+    def restore(cls, saved: Saved, prior: Prior) -> StyleCodeModel:
+        """prior: the one that it was made from; MotionKitError for another, or another performer."""
+        card = saved.card
+        if card.get("prior") != prior.key or card.get("codes") != list(parameters()):
+            raise MotionKitError(
+                f"{saved.path}: made from another prior, or by another performer; get both files again"
+            )
+        denoiser = Denoiser(
+            prior.layout.size, prior.encoder.size, saved.config(TransformerConfig), prior.schedule.steps
+        )
+        network = saved.fill("network", CodedDenoiser(denoiser))
+        return cls(prior, network, PartialDiffusion(prior.schedule, tuple(card["timesteps"])), card=card)
+
+
+@lru_cache(maxsize=2)
+def load(data: str = "actor") -> StyleCodeModel:
+    """The shipped model of a dataset, with its encoder if there is one; MotionKitError if there is none."""
+    return load_for(text_to_motion.load(data))
+
+
+def load_for(prior: Prior) -> StyleCodeModel:
+    """The shipped model that was made from this very prior; MotionKitError if there is none."""
+    data = prior.card.get("data")
+    model = StyleCodeModel.load(checkpoints.find(f"{data}-style-code"), prior=prior)
+    if f"{data}-style-encoder" in checkpoints.names():
+        model.encoder = StyleEncoder.load(checkpoints.find(f"{data}-style-encoder"), prior=prior)
+    return model
+
+
+class CodeSearch(nn.Module):
+    """A style as a code: the network as it is, told one code, which alone is learned.
+
+    start: where the search begins, as read off a clip; neutral if left out.
+    """
+
+    def __init__(self, model: StyleCodeModel, start: GaussianCode | None = None) -> None:
         super().__init__()
-        self.space = (space,)  # in a tuple, so that it is no part of this module's state
-        self.read = start if isinstance(start, GaussianCode) else None
-        code = torch.zeros(CODES) if start is None else code_of(start) if self.read is None else self.read.code
-        self.start = code.clone()
-        self.changes = nn.ParameterDict({"code": code.clone()})
+        self.network = model.network.requires_grad_(False)
+        self.register_buffer("start", torch.zeros(CODES) if start is None else start.code.clone())
+        self.register_buffer("spread", None if start is None else start.spread.clone())
+        self.code = nn.Parameter(self.start.clone())
 
-    @property
-    def code(self) -> Tensor:
-        """C + 1 numbers."""
-        return torch.cat((self.changes["code"], torch.zeros(1)))
+    def train(self, mode: bool = True) -> CodeSearch:
+        """The network itself stays as it is in use."""
+        super().train(mode)
+        self.network.eval()
+        return self
 
-    def forward(self, x: Tensor, t: Tensor, text: Tensor, mask: Tensor | None = None) -> Tensor:
+    def forward(self, x: Tensor, t: Tensor, text: Tensor) -> Tensor:
         """As `layers.Denoiser.forward`."""
-        return self.space[0].network(x, t, text, self.code.expand(len(x), -1), mask)
+        return self.network(x, t, text, torch.cat((self.code, self.code.new_zeros(1))).expand(len(x), -1))
 
-    def unlikely(self) -> Tensor:
+    def prior_nll(self) -> Tensor:
         """How unlikely such a style is: where it was read, by how far the reading may be off (a Gaussian's minus log).
 
         Where nothing was read, by how far it is from the start: some numbers may be, most are not (a Cauchy's minus
         log). Without it numbers that one clip says nothing of would wander off.
         """
-        off = self.changes["code"] - self.start
-        if self.read is not None:
-            return _READ * 0.5 * ((off / self.read.spread) ** 2).mean()
+        off = self.code - self.start
+        if self.spread is not None:
+            return _READ * 0.5 * ((off / self.spread) ** 2).mean()
         return _UNREAD * torch.log1p((off / _NEAR) ** 2).mean()
 
-    def merged(self) -> Callable[..., Tensor]:
-        """As `Adapter.frozen`."""
-        code = self.code.detach()
-        return lambda x, t, text, mask=None: self.space[0].network(x, t, text, code.expand(len(x), -1), mask)
 
-    def style(self, name: str = "found") -> Style:
-        """The performer's numbers that the point stands for, within their ranges."""
+@dataclass(eq=False)
+class StyleCode(Checkpoint):
+    """What `StyleCodeTransfer.learn` gives: a style as a code of 37 numbers, in a small file.
+
+    model: whose code it is. code: [C]. prompt: of the clip. name: what the style is called.
+    """
+
+    kind = "style-code"
+
+    model: StyleCodeModel
+    code: Tensor
+    prompt: str
+    name: str
+    card: dict = field(default_factory=dict, repr=False)
+    neutral: Tensor | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        return f"StyleCode({self.name!r}, {len(self.code)} numbers beside {self.prior!r})"
+
+    @property
+    def prior(self) -> Prior:
+        """The prior that it belongs to."""
+        return self.model.prior
+
+    @property
+    def partial(self) -> PartialDiffusion:
+        """The steps that the model was taught on."""
+        return self.model.partial
+
+    def predict(self, caption: str) -> Denoise:
+        """The model told this code, with a content's neutral sentence, for any function of `sampling`."""
+        words = self.prior.encoder.encode([text.to_neutral(caption)])
+        code = torch.cat((self.code, torch.zeros(1)))
+        return lambda x, t: self.model.network(x, t, words.expand(len(x), -1), code.expand(len(x), -1))
+
+    def style(self) -> Style:
+        """The performer's numbers that the code stands for, within their ranges."""
         numbers = {}
-        for value, (key, about) in zip(self.changes["code"].tolist(), parameters().items()):
+        for value, (key, about) in zip(self.code.tolist(), parameters().items()):
             numbers[key] = min(max(about.neutral + value * 0.5 * (about.high - about.low), about.low), about.high)
-        return Style(name, **numbers)
+        return Style(self.name, **numbers)
+
+    def tensors(self) -> dict[str, Tensor]:
+        """The code."""
+        return {"code": self.code}
+
+    def facts(self) -> dict:
+        """What the style is, and the model that it belongs to."""
+        return {"prompt": self.prompt, "style": self.name, "model": self.model.key}
+
+    @classmethod
+    def restore(cls, saved: Saved, model: StyleCodeModel) -> StyleCode:
+        """model: the one that it was learned with; MotionKitError for another."""
+        if saved.card.get("model") != model.key:
+            raise MotionKitError(f"{saved.path}: a code of another model; learn it again from its clip")
+        return cls(model, saved.tensors["code"], saved.card["prompt"], saved.card["style"], saved.card)
 
 
-STEPS, RATE, BATCH = 10000, 1e-3, 16
-READER_STEPS, READER_RATE, READER_BATCH = 8000, 7e-4, 64
-COUNT = 7200  # performances, each told in three styles
+class StyleCodeTransfer(FewShot):
+    """The kit's own method, beyond paper 1: a style is a code of 37 numbers, read off one clip in seconds.
+
+    Styles: what `learn` or `load_style` gives, several of these with weights; a clip, which is learned when it first
+    comes; or a label of the library's training clips, whose code is the mean of those read off them. It restyles as
+    `FewShot`, but one network serves all styles, and a styled content is made neutral by the same network. model: left
+    out, the one that was made from the prior. prior, discriminator, library, seed: as in `FewShot`.
+
+    >>> import motionkit as mk
+    >>> walk, style = mk.load("data/actor/walk_neutral.bvh"), mk.load("data/actor/walk_old.bvh")
+    >>> method = mk.methods.load("style-code")
+    >>> old = method.learn(style, "an old person walks", title="")
+    >>> method.stylize(walk, style=old)
+    Motion('walk_neutral as old', 120 frames at 30 fps, 4.0 s, 22 joints)
+    """
+
+    name = "style-code"
+    version = 1
+
+    def __init__(
+        self,
+        prior: str | Prior = "actor",
+        discriminator: str | Discriminator | None = None,
+        library: Dataset | None = None,
+        seed: int = 0,
+        model: StyleCodeModel | None = None,
+    ) -> None:
+        if model is not None and not isinstance(model, StyleCodeModel):
+            raise MotionKitError(f"style-code: model is a StyleCodeModel, or left out; found {model!r:.80}")
+        super().__init__(prior, discriminator, library, seed=seed)
+        self.codes = load_for(self.prior) if model is None else model
+        if self.codes.prior.key != self.prior.key:
+            raise MotionKitError("style-code: this model was made from another prior; give that one too")
+
+    def __getstate__(self) -> dict:
+        return super().__getstate__() | {"codes": self.codes}
+
+    def learn(self, style: Motion, prompt: str | None = None, *, steps: int = SEARCH_STEPS, **running) -> StyleCode:
+        """Find the code of one clip: read off it, then searched for nearby, by paper 1's eq. 10.
+
+        style: at least 1 s, of a human body. prompt: a sentence that says what is done; left out, the discriminator
+        finds one. steps: of the search. running: `resume`, `callback`, `title`, as in `training.fit`. Raises
+        MotionKitError for a clip that is too short or cannot be retargeted to the prior's body.
+        """
+        self._check_learning(style, running)
+        if prompt is not None and not isinstance(prompt, str):
+            raise MotionKitError(f"style-code: a prompt is a sentence, or left out; found {prompt!r:.80}")
+        clip = self._middle(self.onto_model(style))
+        name = style.name or NAMELESS if prompt is None else text.style_in(prompt)
+        prompt = text.to_style(self.caption_of(clip), NAMELESS) if prompt is None else prompt
+        x, neutral = self.prior.encode(clip), self.neutral_features(clip, prompt)
+        search = CodeSearch(self.codes, self.codes.encoder(x) if self.codes.encoder is not None else None)
+        words, caption = self.prior.encoder.encode([text.to_neutral(prompt)]), text.to_neutral(prompt)
+        with torch.no_grad():
+            noised = self.codes.partial.forward(self.prior.predict([caption], 1.0), neutral[None])
+        batch = {"noised": noised, "text": words, "styled": x}
+
+        def loss_fn(network: CodeSearch, batch: dict[str, Tensor]) -> Tensor:
+            back = self.codes.partial.reverse(lambda y, t: network(y, t, batch["text"]), batch["noised"])
+            return reconstruction_loss(back, batch["styled"]) + search.prior_nll()
+
+        signature = f"code, {steps} steps, {prompt!r}, {len(x)} frames"
+        training = TrainConfig(steps, SEARCH_LR, weight_decay=0.0, seed=self.seed, signature=signature)
+        running.setdefault("title", f"learning {name!r}")
+        run = fit(search, lambda step: batch, loss_fn, training, **running)
+        return StyleCode(self.codes, search.code.detach(), prompt, name, self._card(run, steps), neutral)
+
+    def _learn_example(self, example: Example) -> StyleCode:
+        return self.learn(example.motion, example.labels.caption or None, title="")
+
+    def neutral_features(self, body: Motion, caption: str) -> Tensor:
+        """The neutral motion for one in some style, features [F, D], by `StyleCodeModel.neutral`."""
+        return self.codes.neutral(self.prior.encode(body), caption)
+
+    def read_name(self, name: str) -> StyleCode:
+        """A label of the library, or a sentence that speaks of one: the mean of the codes read off its clips."""
+        known = [style for style in self.pairs.library.styles if style not in NEUTRAL]
+        label = name.lower() if name.lower() in known else text.style_in(name) if " " in name else name.lower()
+        if name.endswith((".safetensors", ".bvh")) or self.codes.encoder is None:
+            return super().read_name(name)
+        if label not in known:
+            near = difflib.get_close_matches(label, known, 1, 0.5)
+            hint = f" Did you mean {near[0]!r}?" if near else ""
+            raise MotionKitError(
+                f"style-code: {name!r} is no style that its library has: {', '.join(known)}.{hint} Any other is "
+                "learned from a clip, style = method.learn(clip), and given as it comes"
+            )
+
+        def work_out() -> StyleCode:
+            clips = list(self.pairs.library.filter(style=label))
+            clips = clips[:: max(len(clips) // LABEL_CLIPS, 1)][:LABEL_CLIPS]
+            codes = [self.codes.encoder(self.prior.encode(self.onto_model(clip.motion))).code for clip in clips]
+            return StyleCode(self.codes, torch.stack(codes).mean(0), clips[0].text, label)
+
+        return self._learned.get(label, work_out)
+
+    def load_style(self, path: str | os.PathLike) -> StyleCode:
+        """A code that was saved. MotionKitError where it does not fit the model."""
+        return StyleCode.load(path, model=self.codes)
+
+
+STEPS, LR, BATCH = 10000, 1e-3, 16
+ENCODER_STEPS, ENCODER_LR, ENCODER_BATCH = 8000, 7e-4, 64
+COUNT = 7200  # performances, each in three styles
 _BACK = 4  # of a batch so many are taken from their style to neutral
 _SHORTEST = 96
 
 
 @torch.no_grad()
-def noised(prior: Prior, chain: PartialDiffusion, x: Tensor, words: Tensor) -> Tensor:
+def noised(prior: Prior, partial: PartialDiffusion, x: Tensor, words: Tensor) -> Tensor:
     """m_K of features [N, F, D] with their sentences' vectors [N, E], in half precision."""
-    found = [
-        chain.forward(lambda y, t, own=words[part]: prior.network(y, t, own), x[part].float()).half()
+    parts = [
+        partial.forward(lambda y, t, own=words[part]: prior.network(y, t, own), x[part].float()).half()
         for part in batches_of(len(x), 64)
     ]
-    return torch.cat(found)
+    return torch.cat(parts)
+
+
+def _window() -> slice:
+    length = int(torch.randint(_SHORTEST // 4, FRAMES // 4 + 1, ())) * 4
+    start = int(torch.randint(FRAMES - length + 1, ()))
+    return slice(start, start + length)
 
 
 def train_decoder(
-    prior: Prior, known: StylePairs, schedule: TrainConfig | None = None, start: StyleCodeModel | None = None, **running
+    prior: Prior, pairs: StylePairs, training: TrainConfig | None = None, start: StyleCodeModel | None = None, **running
 ) -> StyleCodeModel:
-    """Teach the chain of a prior on lessons in invented styles (paper 1, eqs. 9 and 10), starting from its weights.
+    """Teach the chain of a prior on pairs in random styles (paper 1, eqs. 9 and 10), starting from its weights.
 
     A quarter of each batch goes from a styled motion to the neutral one, told so by a number of its own; the rest from
-    neutral to a style by its code. start: a space of this prior to go on from. running: as in `training.fit`.
+    neutral to a style by its code. start: a model of this prior to go on from. running: as in `training.fit`.
     """
-    schedule = schedule or TrainConfig(STEPS, RATE, average=0.995)
+    training = training or TrainConfig(STEPS, LR, ema=0.995)
     prior.network.eval()
-    chain, words = (
-        PartialDiffusion.from_paper(prior.schedule),
-        prior.encoder.encode([text.to_neutral(c) for c in known.captions]),
-    )
-    plain, changed = (noised(prior, chain, x, words) for x in (known.neutral, known.styled))
-    torch.manual_seed(schedule.seed)
+    partial = PartialDiffusion.from_paper(prior.schedule)
+    words = prior.encoder.encode([text.to_neutral(caption) for caption in pairs.captions])
+    neutral_noised, styled_noised = (noised(prior, partial, x, words) for x in (pairs.neutral, pairs.styled))
+    torch.manual_seed(training.seed)
     network = CodedDenoiser(copy.deepcopy(prior.network)) if start is None else copy.deepcopy(start.network)
     network.requires_grad_(True)
 
-    def loss_fn(model: nn.Module, step: int) -> Tensor:
-        chosen, here = torch.randint(len(known.styled), (BATCH,)), device_of(model)
-        length = int(torch.randint(_SHORTEST // 4, FRAMES // 4 + 1, ())) * 4
-        start = int(torch.randint(FRAMES - length + 1, ()))
-        back, there, window = chosen[:_BACK], chosen[_BACK:], slice(start, start + length)
-        given = torch.cat((changed[back, window], plain[there, window])).float().to(here)
-        wanted = torch.cat((known.neutral[back, window], known.styled[there, window])).float().to(here)
-        code, told = torch.zeros(BATCH, CODES + 1), words[chosen].to(here)
-        code[:_BACK, -1], code[_BACK:, :-1] = 1, known.codes[there]
-        code = code.to(here)
-        return reconstruction_loss(chain.reverse(lambda x, t: model(x, t, told, code), given), wanted)
+    def draw(step: int) -> dict[str, Tensor]:
+        chosen, window = torch.randint(len(pairs.styled), (BATCH,)), _window()
+        back, there = chosen[:_BACK], chosen[_BACK:]
+        code = torch.zeros(BATCH, CODES + 1)
+        code[:_BACK, -1], code[_BACK:, :-1] = 1, pairs.codes[there]
+        return {
+            "noised": torch.cat((styled_noised[back, window], neutral_noised[there, window])).float(),
+            "target": torch.cat((pairs.neutral[back, window], pairs.styled[there, window])).float(),
+            "text": words[chosen],
+            "code": code,
+        }
 
-    run = fit(network, loss_fn, schedule, **running)
-    space = StyleCodeModel(prior, network.requires_grad_(False), chain)
-    space.card = {"seed": schedule.seed, "steps": schedule.steps, "seconds": round(run.seconds)}
-    space.card |= {"steps_per_second": round(run.steps_per_second, 2), "hardware": checkpoints.hardware()}
-    space.card |= {"parameters": sum(p.numel() for p in network.parameters()), "lessons": len(known.styled)}
-    space.card["last_loss"] = round(sum(run.losses[-200:]) / len(run.losses[-200:]), 4)
+    def loss_fn(network: nn.Module, batch: dict[str, Tensor]) -> Tensor:
+        predict = lambda x, t: network(x, t, batch["text"], batch["code"])  # noqa: E731
+        return reconstruction_loss(partial.reverse(predict, batch["noised"]), batch["target"])
+
+    run = fit(network, draw, loss_fn, training, **running)
+    model = StyleCodeModel(prior, network.requires_grad_(False), partial, card=_card(training, run, network, pairs))
     if start is not None:
-        space.card["started_from"] = {key: start.card.get(key) for key in ("command", "steps", "seconds")}
-    return space
+        model.card["started_from"] = {key: start.card.get(key) for key in ("command", "steps", "seconds")}
+    return model
 
 
-def train_encoder(space: StyleCodeModel, known: StylePairs, schedule: TrainConfig | None = None, **running) -> dict:
-    """Teach a network to read the code off a styled motion; the space has it afterwards. Returns its card.
+def train_encoder(prior: Prior, pairs: StylePairs, training: TrainConfig | None = None, **running) -> StyleEncoder:
+    """Teach a network to read the code off a styled motion: the mean of all that are possible, and how sure it is.
 
-    It learns to guess the mean of all that are possible, and how sure that is (`beta_nll`). running: as in
-    `training.fit`.
+    By `beta_nll`. running: as in `training.fit`.
     """
-    schedule = schedule or TrainConfig(READER_STEPS, READER_RATE, decay=1e-2, average=0.995)
-    torch.manual_seed(schedule.seed)
-    reader = new_style_encoder(space.prior)
+    training = training or TrainConfig(ENCODER_STEPS, ENCODER_LR, weight_decay=1e-2, ema=0.995)
+    torch.manual_seed(training.seed)
+    network = new_style_encoder(prior)
 
-    def loss_fn(model: nn.Module, step: int) -> Tensor:
-        chosen, here = torch.randint(len(known.styled), (READER_BATCH,)), device_of(model)
-        length = int(torch.randint(_SHORTEST // 4, FRAMES // 4 + 1, ())) * 4
-        start = int(torch.randint(FRAMES - length + 1, ()))
-        x = known.styled[chosen, start : start + length].float().to(here)
-        return beta_nll(GaussianCode.of(model(x)), known.codes[chosen].to(here))
+    def draw(step: int) -> dict[str, Tensor]:
+        chosen = torch.randint(len(pairs.styled), (ENCODER_BATCH,))
+        return {"x": pairs.styled[chosen, _window()].float(), "code": pairs.codes[chosen]}
 
-    run = fit(reader, loss_fn, schedule, **running)
-    space.reader = reader.requires_grad_(False)
-    card = {"seed": schedule.seed, "steps": schedule.steps, "seconds": round(run.seconds)}
-    card |= {"steps_per_second": round(run.steps_per_second, 2), "hardware": checkpoints.hardware()}
-    return card | {"parameters": sum(p.numel() for p in reader.parameters()), "lessons": len(known.styled)}
+    def loss_fn(network: nn.Module, batch: dict[str, Tensor]) -> Tensor:
+        return beta_nll(GaussianCode.of(network(batch["x"])), batch["code"])
+
+    run = fit(network, draw, loss_fn, training, **running)
+    return StyleEncoder(prior, network.requires_grad_(False), _card(training, run, network, pairs))
 
 
-def beta_nll(found: GaussianCode, codes: Tensor) -> Tensor:
-    """The loss of readings of codes, both [..., C]: a Gaussian's minus log, where the unsure ones count as others do.
+def _card(training: TrainConfig, run, network: nn.Module, pairs: StylePairs) -> dict:
+    return {
+        "data": "actor",
+        "data_sha256": f"performer {VERSION}",
+        "training_clips": len(pairs.styled),
+        "seed": training.seed,
+        "steps": training.steps,
+        "seconds": round(run.seconds),
+        "steps_per_second": round(run.steps_per_second, 2),
+        "hardware": checkpoints.hardware(),
+        "parameters": sum(p.numel() for p in network.parameters()),
+        "last_loss": round(run.last_loss, 4),
+        "licence": "MIT",
+    }
 
-    Each number is weighted by the spread guessed for it, through which no gradient goes (the beta-NLL of Seitzer et
-    al., 2022), or a network lets go of what it cannot read at once.
+
+def beta_nll(predicted: GaussianCode, codes: Tensor) -> Tensor:
+    """The loss of predicted codes, both [..., C]: a Gaussian's minus log, where the unsure ones count as others do.
+
+    Each number is weighted by the standard deviation predicted for it, through which no gradient goes (the beta-NLL of
+    Seitzer et al., 2022), or a network lets go of what it cannot read at once.
 
     >>> far, right = torch.ones(1, 3), torch.zeros(1, 3)
     >>> bool(beta_nll(GaussianCode(far, right + 0.1), right) > beta_nll(GaussianCode(far, far), right))
     True
     """
-    each = nn.functional.gaussian_nll_loss(found.code, codes, found.spread**2, reduction="none")
-    return (each * found.spread.detach()).mean()
-
-
-def encoder_error(space: StyleCodeModel, known: StylePairs) -> dict[str, float]:
-    """Mean square errors of codes read off lessons that were not learned from; `guessed`: of neutral for all.
-
-    `expected`: what the reader itself thinks that its errors are.
-    """
-    with torch.no_grad():
-        said = torch.cat([space.reader(known.styled[part].float()) for part in batches_of(len(known.styled), 64)])
-    found = GaussianCode.of(said)
-    errors = {"read": (found.code - known.codes).square().mean(), "guessed": known.codes.square().mean()}
-    errors["expected"] = found.spread.square().mean()
-    return {name: round(float(value), 4) for name, value in errors.items()}
-
-
-def train_reader_part(data: Dataset, steps: int | None, seed: int, command: str) -> Path:
-    """Train the reader of a dataset's space and write it where `load` finds it; returns the weights' path."""
-    path, space = default_path(data.name, "reader"), load(data.name)
-    schedule = TrainConfig(steps or READER_STEPS, READER_RATE, decay=1e-2, seed=seed, average=0.995)
-    count = COUNT if steps is None or steps >= READER_STEPS else 24
-    known, fresh = style_pairs(space.prior, count, seed=seed), style_pairs(space.prior, 60, seed=seed + 1)
-    card = train_encoder(space, known, schedule, keep=path.with_suffix(".run"), title=path.stem)
-    card = {"name": path.stem, "command": command, "data": data.name, **card, "licence": "MIT"}
-    card |= {"data_sha256": str(VERSION) + space.prior.key[:4], "metrics": encoder_error(space, fresh)}
-    main_process_first(lambda: space.save_reader(path, card))
-    return path
+    each = nn.functional.gaussian_nll_loss(predicted.code, codes, predicted.spread**2, reduction="none")
+    return (each * predicted.spread.detach()).mean()
 
 
 @torch.no_grad()
-def decoder_error(space: StyleCodeModel, known: StylePairs) -> dict[str, float]:
-    """Mean square errors of the chain's last prediction on lessons that were not learned from, both ways.
+def encoder_error(encoder: StyleEncoder, pairs: StylePairs) -> dict[str, float]:
+    """Mean square errors of codes read off pairs that were not learned from; `guessed`: of neutral for all.
+
+    `expected`: what the encoder itself thinks that its errors are.
+    """
+    parts = [encoder.network(pairs.styled[part].float()) for part in batches_of(len(pairs.styled), 64)]
+    predicted = GaussianCode.of(torch.cat(parts))
+    errors = {"read": (predicted.code - pairs.codes).square().mean(), "guessed": pairs.codes.square().mean()}
+    errors["expected"] = predicted.spread.square().mean()
+    return {name: round(float(value), 4) for name, value in errors.items()}
+
+
+@torch.no_grad()
+def decoder_error(model: StyleCodeModel, pairs: StylePairs) -> dict[str, float]:
+    """Mean square errors of the chain's last prediction on pairs that were not learned from, both ways.
 
     `styled`: from neutral to the style that the code says; `neutral`: from the style to neutral; `copied`: what there
     is between the two.
     """
-    words = space.prior.encoder.encode([text.to_neutral(c) for c in known.captions])
-    code = torch.cat((known.codes, torch.zeros(len(words), 1)), 1)
-    found = {"copied": float((known.neutral.float() - known.styled.float()).square().mean())}
-    flag = torch.zeros_like(code)
-    flag[:, -1] = 1
-    for name, given, wanted, told in (
-        ("styled", known.neutral, known.styled, code),
-        ("neutral", known.styled, known.neutral, flag),
+    words = model.prior.encoder.encode([text.to_neutral(caption) for caption in pairs.captions])
+    style = torch.cat((pairs.codes, torch.zeros(len(words), 1)), 1)
+    neutral = torch.zeros_like(style)
+    neutral[:, -1] = 1
+    errors = {"copied": float((pairs.neutral.float() - pairs.styled.float()).square().mean())}
+    for name, source, target, code in (
+        ("styled", pairs.neutral, pairs.styled, style),
+        ("neutral", pairs.styled, pairs.neutral, neutral),
     ):
-        start = noised(space.prior, space.chain, given, words).float()
-        made = space.chain.reverse(lambda x, t, told=told: space.network(x, t, words, told), start)[-1]
-        found[name] = float((made - wanted.float()).square().mean())
-    return {name: round(value, 4) for name, value in found.items()}
+        start = noised(model.prior, model.partial, source, words).float()
+        predicted = model.partial.reverse(lambda x, t, code=code: model.network(x, t, words, code), start)[-1]
+        errors[name] = float((predicted - target.float()).square().mean())
+    return {name: round(value, 4) for name, value in errors.items()}
 
 
-def train_part(data: Dataset, steps: int | None, seed: int, command: str, start: str | None = None) -> Path:
-    """Train the space of a dataset's prior and write it where `load` finds it; returns the weights' path.
+def make_style_code(order: TrainOrder) -> StyleCodeModel:
+    """For the command line: the model of a dataset's prior; MotionKitError for captures, which nobody can perform."""
+    prior, count = _prior_and_count(order, STEPS)
+    start = StyleCodeModel.load(checkpoints.find(order.start), prior=prior) if order.start else None
+    pairs = style_pairs(prior, count, seed=order.seed)
+    model = train_decoder(prior, pairs, order.config(STEPS, LR, ema=0.995), start, **order.running)
+    model.card["metrics"] = decoder_error(model, style_pairs(prior, 60, seed=order.seed + 1))
+    return model
 
-    start: the name of a space to go on from, the one trained before for instance. The state of the run is kept beside
-    the weights, so a run that was broken off goes on. Only the performer can tell a motion in a style that was never
-    captured, so raises MotionKitError for captures.
-    """
-    if data.name != "actor":
-        raise MotionKitError(f"a space of styles is learned from the performer, data 'actor'; found {data.name!r}")
-    path, prior = default_path(data.name, "space"), text_to_motion.load(data.name)
-    schedule = TrainConfig(steps or STEPS, RATE, seed=seed, average=0.995)
-    count = COUNT if steps is None or steps >= STEPS else max(24, COUNT * steps // STEPS)
-    first, running = None, {"keep": path.with_suffix(".run"), "title": path.stem}
-    if start:
-        first = StyleCodeModel.load(checkpoints.find(start), prior)
-    made = train_decoder(prior, style_pairs(prior, count, seed=seed), schedule, first, **running)
-    made.card = {"name": path.stem, "command": command, "data": data.name, **made.card, "licence": "MIT"}
-    made.card |= {
-        "data_sha256": str(VERSION) + prior.key[:4],
-        "metrics": decoder_error(made, style_pairs(prior, 60, seed=seed + 1)),
-    }
-    main_process_first(lambda: made.save(path))
-    return path
+
+def make_style_encoder(order: TrainOrder) -> StyleEncoder:
+    """For the command line: what reads codes off the motions of a dataset's prior."""
+    prior, count = _prior_and_count(order, ENCODER_STEPS)
+    training = order.config(ENCODER_STEPS, ENCODER_LR, weight_decay=1e-2, ema=0.995)
+    encoder = train_encoder(prior, style_pairs(prior, count, seed=order.seed), training, **order.running)
+    encoder.card["metrics"] = encoder_error(encoder, style_pairs(prior, 60, seed=order.seed + 1))
+    return encoder
+
+
+def _prior_and_count(order: TrainOrder, steps: int) -> tuple[Prior, int]:
+    """The prior, and of how many performances to learn: fewer where there are fewer steps than usual."""
+    if order.data.name != "actor":
+        raise MotionKitError(f"codes of styles are learned from the performer, data 'actor'; found {order.data.name!r}")
+    share = min((order.steps or steps) / steps, 1)
+    return text_to_motion.load("actor"), max(24, int(COUNT * share))

@@ -6,30 +6,19 @@ Beyond paper 2, whose section C.1 leaves quick adaptation to unseen styles open.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import torch
 from torch import Tensor, nn
 
 from ..errors import MotionKitError
+from ..features.style_erd import Frames, frames_of, lowest_foot, placed_positions, split, zero_first_velocity
 from ..motion import Motion
 from ..training import Run, TrainConfig, fit
-from .style_erd import (
-    WINDOW,
-    ErdModel,
-    Frames,
-    LSTMBank,
-    StyleErd,
-    frames_of,
-    input_residual,
-    lowest_foot,
-    placed_positions,
-    quaternion_loss,
-    reconstruction_loss,
-    split,
-    zero_first_velocity,
-)
+from .style_erd import ErdModel, LSTMBank, StyleErd, input_residual, quaternion_loss, reconstruction_loss
+from .style_erd_data import WINDOW
 
-STEPS, RATE, BATCH = 400, 1e-3, 16
+STEPS, LR, BATCH = 400, 1e-3, 16
 _STAY = 1.0  # how much it counts how far the new branch goes from where it began
 
 
@@ -38,57 +27,60 @@ class StyleBranch(nn.Module):
 
     like: the number of a known style whose branch it begins as.
 
-    >>> from motionkit.methods.style_erd import ErdConfig
-    >>> net = StyleErd(joints=5, contents=3, styles=4, config=ErdConfig.tiny())
+    >>> from motionkit.methods.style_erd import Sizes
+    >>> net = StyleErd(joints=5, contents=3, styles=4, sizes=Sizes.tiny())
     >>> branch, x = StyleBranch(net, like=2), torch.randn(2, 24, 50)
     >>> branch(x, torch.tensor([0, 2]), torch.tensor([0, 0])).shape
     torch.Size([2, 24, 35])
-    >>> branch.beside().styles
+    >>> branch.merged().styles
     5
     """
 
     def __init__(self, network: StyleErd, like: int) -> None:
         super().__init__()
-        self.network = (network,)  # in a tuple, so that it is no part of this module's state
+        self.network = network.eval().requires_grad_(False)
         config = network.config
         self.branch = LSTMBank(1, config.style, config.latent, 1)
         known = {name: value[:, like - 1 : like] for name, value in network.residual.state_dict().items()}
         self.branch.load_state_dict(known)
-        self.told = nn.Parameter(network.decoder[0].weight[:, config.latent + like].detach().clone())
-        self.began = tuple(value.detach().clone() for value in self.parameters())
+        self.style_embedding = nn.Parameter(network.decoder[0].weight[:, config.latent + like].detach().clone())
+        self.initial = [value.detach().clone() for value in self._learned()]
+
+    def _learned(self) -> list[nn.Parameter]:
+        return [*self.branch.parameters(), self.style_embedding]
 
     def forward(self, x: Tensor, content: Tensor, style: Tensor) -> Tensor:
         """Neutral frames x [B, F, 10J] with labels long [B], to [B, F, 7J] in the new style."""
-        net = self.network[0]
+        net = self.network
         z = net.encode(x, content, style)
-        plain = net.neutral(z, net.neutral.begin(content))[0][:, :, 0]
-        added = self.branch(z, self.branch.begin(content * 0))[0][:, :, 0]
-        told = self._decoded(plain + added, self.told)
-        if not net.config.skip:
+        plain = net.neutral(z, net.neutral.initial_state(content))[0][:, :, 0]
+        added = self.branch(z, self.branch.initial_state(content * 0))[0][:, :, 0]
+        told = self._decode(plain + added, self.style_embedding)
+        if not net.config.input_residual:
             return told
-        return input_residual(x, told, self._decoded(plain, net.decoder[0].weight[:, net.config.latent]))
+        return input_residual(x, told, self._decode(plain, net.decoder[0].weight[:, net.config.latent]))
 
-    def _decoded(self, mixed: Tensor, told: Tensor) -> Tensor:
-        """The decoder's answer [B, F, 7J] to branches [B, F, H]; told: what its first layer makes of the style."""
-        first, *rest = self.network[0].decoder
-        y = nn.functional.linear(mixed, first.weight[:, : mixed.shape[2]], first.bias) + told
+    def _decode(self, mixed: Tensor, style_embedding: Tensor) -> Tensor:
+        """The decoder's output [B, F, 7J]; mixed: [B, F, H]; style_embedding: of its first layer."""
+        first, *rest = self.network.decoder
+        y = nn.functional.linear(mixed, first.weight[:, : mixed.shape[2]], first.bias) + style_embedding
         for layer in rest:
             y = layer(y)
         return y
 
-    def gone(self) -> Tensor:
+    def l2_from_init(self) -> Tensor:
         """How far it is from where it began, squared."""
-        return sum(((now - then) ** 2).sum() for now, then in zip(self.parameters(), self.began))
+        return sum(((now - then.to(now)) ** 2).sum() for now, then in zip(self._learned(), self.initial))
 
-    def beside(self) -> StyleErd:
+    def merged(self) -> StyleErd:
         """The network with one style more, the last."""
-        net = self.network[0]
+        net = self.network
         made = StyleErd(net.joints, net.contents, net.styles + 1, net.config)
         state, place = dict(net.state_dict()), 10 * net.joints + net.styles
         seen = state["encoder.0.weight"]  # of the new style as one that comes in it knows nothing: as of neutral
         neutral = seen[:, 10 * net.joints, None]
         state["encoder.0.weight"] = torch.cat((seen[:, :place], neutral, seen[:, place:]), 1)
-        state["decoder.0.weight"] = torch.cat((state["decoder.0.weight"], self.told.detach()[:, None]), 1)
+        state["decoder.0.weight"] = torch.cat((state["decoder.0.weight"], self.style_embedding.detach()[:, None]), 1)
         for name, value in self.branch.state_dict().items():
             state[f"residual.{name}"] = torch.cat((state[f"residual.{name}"], value), 1)
         made.load_state_dict(state)
@@ -116,23 +108,30 @@ def learn_style(
             f"{len(clip)} and {len(neutral)}"
         )
     network = model.network.eval().requires_grad_(False)
-    wanted, given, number = frames_of(clip), frames_of(neutral), model.number("content", content)
-    branch = StyleBranch(network, like=_nearest(network, given, wanted, number))
-    offsets = clip.translations[0]
+    target, source, number = frames_of(clip), frames_of(neutral), model.label_id("content", content)
+    branch = StyleBranch(network, like=_nearest(network, source, target, number))
 
-    def loss_fn(module: nn.Module, step: int) -> Tensor:
+    targets = torch.cat([target.rotations.flatten(1), target.positions.flatten(1), target.velocities.flatten(1)], 1)
+    joints, place = len(model.skeleton), partial(placed_positions, model.skeleton, clip.translations[0])
+
+    def draw(step: int) -> dict[str, Tensor]:
         rows, content, moving = _drawn(len(clip), number, len(model.contents))
-        x = zero_first_velocity(given.x[rows], len(model.skeleton))
-        x[..., -3 * len(model.skeleton) :] *= moving
-        made = split(module(x, content, torch.zeros_like(content)))
-        aim = wanted.rotations[rows], wanted.positions[rows], wanted.velocities[rows] * moving[..., None]
-        places = placed_positions(model.skeleton, offsets, made[0], lowest_foot(model.skeleton, aim[1]))
-        missed = reconstruction_loss((aim[0], made[0]), (aim[1], places), (aim[2], made[1]))
-        return missed.sum(1).mean() + _STAY * module.gone()
+        x, y = zero_first_velocity(source.x[rows], joints), targets[rows].clone()
+        for part in (x, y):
+            part[..., -3 * joints :] *= moving
+        return {"x": x, "content": content, "target": y}
+
+    def loss_fn(branch: nn.Module, batch: dict[str, Tensor]) -> Tensor:
+        rotations, velocities = split(branch(batch["x"], batch["content"], torch.zeros_like(batch["content"])))
+        sizes = (4 * joints, 3 * joints, 3 * joints)
+        aim = [part.unflatten(-1, (joints, -1)) for part in batch["target"].split(sizes, -1)]
+        positions = place(rotations, lowest_foot(model.skeleton, aim[1]))
+        distance = reconstruction_loss((aim[0], rotations), (aim[1], positions), (aim[2], velocities))
+        return distance.sum(1).mean() + _STAY * branch.l2_from_init()
 
     running.setdefault("title", f"learning {name!r}")
-    run = fit(branch, loss_fn, TrainConfig(STEPS, RATE, decay=0.0, seed=seed, average=0.99), **running)
-    return replace(model, network=branch.beside(), styles=(*model.styles, name), labeller=None, card={}), run
+    run = fit(branch, draw, loss_fn, TrainConfig(STEPS, LR, weight_decay=0.0, seed=seed, ema=0.99), **running)
+    return replace(model, network=branch.merged(), styles=(*model.styles, name), labeller=None, card={}), run
 
 
 def _drawn(frames: int, content: int, contents: int) -> tuple[Tensor, Tensor, Tensor]:
@@ -149,10 +148,10 @@ def _drawn(frames: int, content: int, contents: int) -> tuple[Tensor, Tensor, Te
 
 
 @torch.no_grad()
-def _nearest(network: StyleErd, given: Frames, wanted: Frames, content: int) -> int:
+def _nearest(network: StyleErd, source: Frames, target: Frames, content: int) -> int:
     """The known style whose rotations come nearest to the wanted ones, by its number."""
     found, labels = [], (torch.tensor([content]), torch.tensor([0]))
     for style in range(1, network.styles):
-        turns = split(network(given.x[None], *labels, network.weights_of(torch.tensor([style])))[0][0])[0]
-        found.append(float(quaternion_loss(wanted.rotations, turns).mean()))
+        turns = split(network(source.x[None], *labels, network.one_hot(torch.tensor([style])))[0][0])[0]
+        found.append(float(quaternion_loss(target.rotations, turns).mean()))
     return 1 + found.index(min(found))

@@ -41,12 +41,12 @@ class FrameClassifier(nn.Module):
 
 
 class LabelTracker:
-    """The labels of B streams as they come in: `hear` takes a frame of each; `content` and `style` are numbers [B].
+    """The labels of B streams as they come in: `update` takes a frame of each; `content` and `style` are numbers [B].
 
     As `style_erd_stream.NumpyStep`, it does the labeller's work in NumPy, which is quicker for single frames.
 
     >>> guesses = LabelTracker(FrameClassifier(joints=5, contents=3, styles=4).eval())
-    >>> guesses.hear(np.zeros((2, 50), "f4"))
+    >>> guesses.update(np.zeros((2, 50), "f4"))
     >>> guesses.content.shape, guesses.style.shape
     ((2,), (2,))
     """
@@ -59,7 +59,7 @@ class LabelTracker:
         self._plain, self._own = _numbers(memory.bias_ih_l0), _numbers(memory.bias_hh_l0)
         self._state, self._sure = None, None
 
-    def hear(self, x: np.ndarray) -> None:
+    def update(self, x: np.ndarray) -> None:
         """The next frame of every stream, [B, 10J]."""
         h = np.zeros((len(x), len(self._over)), np.float32) if self._state is None else self._state
         seen = np.maximum(x @ self._inside[0] + self._inside[1], 0) @ self._into + self._plain
@@ -91,29 +91,31 @@ def _shares(scores: np.ndarray) -> np.ndarray:
     return found / found.sum(1, keepdims=True)
 
 
-def train_frame_classifier(pieces, joints: int, steps: int = 1500, seed: int = 0, **running) -> FrameClassifier:
+def train_frame_classifier(windows, joints: int, steps: int = 1500, seed: int = 0, **running) -> FrameClassifier:
     """Teach it on windows, every frame counts, the first ones too. running: of `training.fit`."""
     torch.manual_seed(seed)
-    net = FrameClassifier(joints, len(pieces.contents), len(pieces.styles))
+    net = FrameClassifier(joints, len(windows.contents), len(windows.styles))
 
-    def loss_fn(model: nn.Module, step: int) -> Tensor:
-        chosen = torch.randint(len(pieces.x), (32,))
-        content, style, _ = model(pieces.x[chosen])
-        wanted = ((content, pieces.content[chosen]), (style, pieces.style[chosen]))
-        each = [nn.functional.cross_entropy(s.mT, right[:, None].expand(-1, s.shape[1])) for s, right in wanted]
-        return each[0] + each[1]
+    def draw(step: int) -> tuple[Tensor, Tensor, Tensor]:
+        chosen = torch.randint(len(windows.x), (32,))
+        return windows.x[chosen], windows.content[chosen], windows.style[chosen]
+
+    def loss_fn(model: nn.Module, batch: tuple[Tensor, Tensor, Tensor]) -> Tensor:
+        scores = model(batch[0])[:2]
+        labels = (label[:, None].expand(-1, batch[0].shape[1]) for label in batch[1:])
+        return sum(nn.functional.cross_entropy(s.mT, label) for s, label in zip(scores, labels))
 
     running.setdefault("title", "labels")
-    fit(net, loss_fn, TrainConfig(steps, 2e-3, seed=seed, average=0.99), **running)
+    fit(net, draw, loss_fn, TrainConfig(steps, 2e-3, seed=seed, ema=0.99), **running)
     return net.requires_grad_(False)
 
 
 @torch.no_grad()
-def label_accuracy(labeller: FrameClassifier, pieces) -> dict[str, float]:
+def label_accuracy(labeller: FrameClassifier, windows) -> dict[str, float]:
     """Per cent of windows whose content and style are right after the last frame and, `first_`, after the first."""
-    content, style, _ = labeller(pieces.x)
+    content, style, _ = labeller(windows.x)
     found = {}
-    for name, scores, right in (("content", content, pieces.content), ("style", style, pieces.style)):
+    for name, scores, right in (("content", content, windows.content), ("style", style, windows.style)):
         for when, frame in (("", -1), ("first_", 0)):
             found[when + name] = round(100 * float((scores[:, frame].argmax(1) == right).float().mean()), 1)
     return found
@@ -235,10 +237,11 @@ class NumpyStep:
     network: is read once; later changes of it do not count. `reset` begins streams, `step` takes one frame of all.
 
     >>> import torch
-    >>> from motionkit.methods.style_erd import ErdConfig, StyleErd
-    >>> net = StyleErd(joints=5, contents=3, styles=4, config=ErdConfig.tiny()).eval()
-    >>> fast, content, style = NumpyStep(net), np.array([0, 2]), np.array([0, 1])
-    >>> out, state = fast.step(np.ones((2, 50), "f4"), content, style, np.eye(4, dtype="f4")[:2], fast.begin(content))
+    >>> from motionkit.methods.style_erd import Sizes, StyleErd
+    >>> net = StyleErd(joints=5, contents=3, styles=4, sizes=Sizes.tiny()).eval()
+    >>> twin, content, style = NumpyStep(net), np.array([0, 2]), np.array([0, 1])
+    >>> state, weights = twin.initial_states(content), np.eye(4, dtype="f4")[:2]
+    >>> out, state = twin.step(np.ones((2, 50), "f4"), content, style, weights, state)
     >>> out.shape
     (2, 35)
     """
@@ -246,15 +249,15 @@ class NumpyStep:
     def __init__(self, network: nn.Module) -> None:
         self.contents, self.styles, self.size = network.contents, network.styles, network.config.latent
         self.encoder, self.decoder = (_layers(part) for part in (network.encoder, network.decoder))
-        self.skip, self._turns = network.config.skip, slice(4 * network.joints)
+        self.input_residual, self._turns = network.config.input_residual, slice(4 * network.joints)
         self._root = slice(4 * network.joints, 4 * network.joints + 3)  # of an answer, the root's velocity
-        neutral, residual = _weights(network.neutral), _weights(network.residual)
+        neutral, residual = _stacked_weights(network.neutral), _stacked_weights(network.residual)
         together = min(len(neutral), len(residual))
         self.layers = [np.concatenate(pair) for pair in zip(neutral, residual)] + neutral[together:]
-        self._neutral = _beginnings(network.neutral)
-        self._styles = _beginnings(network.residual)
+        self._neutral = _initial(network.neutral)
+        self._styles = _initial(network.residual)
 
-    def begin(self, content: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    def initial_states(self, content: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """The learned states before the first frame, of every layer (h, c), [N, B, H] each; content: [B]."""
         state = []
         for layer in range(len(self.layers)):
@@ -294,23 +297,23 @@ class NumpyStep:
             h, cell = _cell(weights, h, before, cell)
             kept.append((h, cell))
         heard = h[1:] if heard is None else heard
-        if not self.skip:
-            return self._said(h[0], heard, wanted), kept
+        if not self.input_residual:
+            return self._decode_mix(h[0], heard, wanted), kept
         own = told[:, : self.styles] if own is None else own
         twice = np.concatenate((h[0], h[0])), np.concatenate((heard, heard), 1), np.concatenate((wanted, own))
-        both = self._said(*twice)
-        return self._put_back(x, both[:count], both[count:]), kept
+        both = self._decode_mix(*twice)
+        return self._add_residual(x, both[:count], both[count:]), kept
 
-    def _said(self, plain: np.ndarray, heard: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    def _decode_mix(self, plain: np.ndarray, heard: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """The answers [B, 7J] of branches, neutral [B, H] and styles [S - 1, B, H], in the styles wanted [B, S]."""
-        y = self._decoded(plain + np.einsum("bs,sbh->bh", wanted[:, 1:], heard), wanted)
+        y = self._decode(plain + np.einsum("bs,sbh->bh", wanted[:, 1:], heard), wanted)
         mixed = ((wanted != 0) & (wanted != 1)).any(1)
         if mixed.any():
-            y[mixed, self._root] = self._ways(plain[mixed], heard[:, mixed], wanted[mixed])
+            y[mixed, self._root] = self._mixed_velocity(plain[mixed], heard[:, mixed], wanted[mixed])
         return y
 
-    def _put_back(self, x: np.ndarray, told: np.ndarray, rebuilt: np.ndarray) -> np.ndarray:
-        """As `layers.input_residual`."""
+    def _add_residual(self, x: np.ndarray, told: np.ndarray, rebuilt: np.ndarray) -> np.ndarray:
+        """As `style_erd.input_residual`."""
         turns = self._turns
         other, own, came = (one[:, turns].reshape(len(x), -1, 4) for one in (told, rebuilt, x))
         lost = _product(own * _BACK, came)
@@ -318,15 +321,15 @@ class NumpyStep:
         speeds = told[:, turns.stop :] + x[:, turns.stop // 4 * 7 :] - rebuilt[:, turns.stop :]
         return np.concatenate((_product(other, lost).reshape(len(x), -1), speeds), 1)
 
-    def _ways(self, plain: np.ndarray, heard: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """The root's velocities [B, 3] of mixes: what each style says alone, mixed; see `StyleErd.say`."""
+    def _mixed_velocity(self, plain: np.ndarray, heard: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """The root's velocities [B, 3] of mixes: what each style says alone, mixed; see `StyleErd.decode`."""
         used = np.nonzero(wanted.any(0))[0]
         added = np.concatenate((np.zeros_like(plain)[None], heard))[used]
         alone = np.eye(self.styles, dtype=np.float32)[used][:, None].repeat(len(plain), 1)
-        said = self._decoded(plain + added, alone)
+        said = self._decode(plain + added, alone)
         return np.einsum("bk,kbv->bv", wanted[:, used], said[..., self._root])
 
-    def _decoded(self, y: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    def _decode(self, y: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """The decoder's answer [..., 7J] to mixed branches [..., H], told the shares [..., S]."""
         y = np.concatenate((y, wanted), -1)
         for n, (weight, bias) in enumerate(self.decoder):
@@ -360,18 +363,18 @@ def _cell(weights: np.ndarray, x: np.ndarray, h: np.ndarray, c: np.ndarray) -> t
     return gates[..., 2 * size : 3 * size] * np.tanh(c), c
 
 
-def _weights(branch: nn.Module) -> list[np.ndarray]:
-    """For each layer [N, 2H + 1, 4H], for what comes in, what was before, and 1; gates: take, forget, give, new."""
+def _stacked_weights(branch: nn.Module) -> list[np.ndarray]:
+    """For each layer [N, 2H + 1, 4H], for what comes in, what was before, and 1; gates in the order i, f, o, g."""
     found = []
-    for into, over, bias in zip(branch.into.detach(), branch.over.detach(), branch.bias.detach()):
-        whole = np.concatenate((into.numpy(), over.numpy(), bias.numpy()[..., None]), 2)  # [N, 4H, 2H + 1]
-        take, forget, new, give = np.split(whole, 4, axis=1)
-        whole = np.concatenate((take / 2, forget / 2, give / 2, new), 1)
+    for w_ih, w_hh, bias in zip(branch.w_ih.detach(), branch.w_hh.detach(), branch.bias.detach()):
+        whole = np.concatenate((w_ih.numpy(), w_hh.numpy(), bias.numpy()[..., None]), 2)  # [N, 4H, 2H + 1]
+        i, f, g, o = np.split(whole, 4, axis=1)
+        whole = np.concatenate((i / 2, f / 2, o / 2, g), 1)
         found.append(np.ascontiguousarray(whole.transpose(0, 2, 1), np.float32))
     return found
 
 
-def _beginnings(branch: nn.Module) -> tuple[np.ndarray, np.ndarray]:
+def _initial(branch: nn.Module) -> tuple[np.ndarray, np.ndarray]:
     return branch.hidden.detach().numpy(), branch.cell.detach().numpy()
 
 
@@ -427,7 +430,7 @@ class ErdStream:
     @style.setter
     def style(self, style: object) -> None:
         pairs = zip(self._each(style), self._each(self._strength), strict=True)
-        self._wanted = np.stack([self.model.wanted(*pair) for pair in pairs])
+        self._wanted = np.stack([self.model.style_weights(*pair) for pair in pairs])
         self._style = style
 
     @property
@@ -511,9 +514,9 @@ class ErdStream:
         x = np.concatenate([part.reshape(count, -1) for part in (own, local, speed)], 1, dtype=np.float32)
         self._guess(x)
         if self._state is None:
-            self._state, self._path = self.model.fast.begin(self._contents), ground
+            self._state, self._path = self.model.step.initial_states(self._contents), ground
         wanted, own = self._followed(np.stack((self._wanted, self._whole[self._owns])))
-        y, self._state = self.model.fast.step(x, self._contents, self._owns, wanted, self._state, own)
+        y, self._state = self.model.step.step(x, self._contents, self._owns, wanted, self._state, own)
         made, root = self._placed(y, translations, yaw, body.lowest(local))
         self._before = places
         return made, root
@@ -552,14 +555,14 @@ class ErdStream:
         """Labels that nobody has said."""
         missing = [self._content is None, self._own is None]
         if any(missing):
-            self._guesses.hear(x)
+            self._guesses.update(x)
             self._contents = self._guesses.content if missing[0] else self._contents
             self._owns = self._guesses.style if missing[1] else self._owns
 
     def _numbers(self, what: str, labels: object) -> np.ndarray:
         """Of a content or a style of each stream; 0 until they are guessed, where they are to be."""
         if labels is not None:
-            return np.array([self.model.number(what, one) for one in self._each(labels)])
+            return np.array([self.model.label_id(what, one) for one in self._each(labels)])
         if self._guesses is None:
             known = self.model.contents if what == "content" else self.model.styles
             raise MotionKitError(f"this model guesses no labels; say the {what} of what comes in: {', '.join(known)}")
@@ -594,7 +597,7 @@ class ErdStream:
             odd = next((a for a, b in zip(body.skeleton.names, model.skeleton.names) if a != b), "another tree")
             raise MotionKitError(
                 f"the stream's frames stand on another skeleton than the model's, or on its joints in another order "
-                f"(first at {odd!r}); bring them on it first, method.seen(motion)"
+                f"(first at {odd!r}); bring them on it first, method.onto_model(motion)"
             )
         if abs(frame.fps - model.fps) > 1e-3:
             raise MotionKitError(f"this model takes {model.fps:g} frames a second; found {frame.fps:g}: resample first")

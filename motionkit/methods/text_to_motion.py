@@ -1,23 +1,21 @@
-"""The prior: a network that has learned which motions there are, and which sentence goes with which."""
+"""Paper 1, stage 1: text to motion, and the discriminator that says how well a motion goes with a sentence."""
 
 from __future__ import annotations
 
 import math
-import os
 import random
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from pathlib import Path
 
 import torch
 from torch import Tensor, nn
 from tqdm.auto import tqdm
 
 from .. import checkpoints, judges, sampling, text
-from ..checkpoints import load_into
+from ..checkpoints import Checkpoint, Saved, load_into, skeleton_card, training_card
 from ..datasets import Clip, Dataset, Split
-from ..datasets.batches import FeatureCache, fit_normalizer
+from ..datasets.batches import FeatureCache, WindowSampler, fit_normalizer
 from ..diffusion import NoiseSchedule, simple_loss
 from ..errors import MotionKitError
 from ..features import FacingFree, Normalizer
@@ -27,20 +25,20 @@ from ..layers import Denoiser, SemanticEncoder, TransformerConfig, semantic_loss
 from ..metrics import AMONG, fmd, recall_at_k
 from ..motion import Motion
 from ..text import TextEncoder, similarity
-from ..text.train import STEPS as TEXT_STEPS
-from ..text.train import nonsense, texts_for, train_text
-from ..training import TrainConfig, default_path, device_of, fit, main_process_first, seed_batch, training_card
+from ..text.train import nonsense, texts_for
+from ..training import TrainConfig, TrainOrder, fit
 
 GUIDANCE_SCALE = 2.0  # of guidance: the least with nine styles of ten named right on `actor`'s validation part
 Sampler = Callable[..., Tensor]
 
 
 @dataclass(eq=False)
-class Prior:
+class Prior(Checkpoint):
     """Paper 1's text-to-motion model (section 3.3): sentences to motions, for one skeleton and frame rate.
 
     network: the denoiser. layout, normalizer: what it sees of a motion. schedule: of the noise. encoder: of the
-    sentences. known: sentences that it learned from, some of each meaning; least: how near to one a prompt should be.
+    sentences. train_captions: sentences that it learned from, some of each meaning; ood_threshold: how near to one of
+    them a prompt should be.
     guided: whether it also learned to do without a sentence, which guidance needs. card: how it was made.
 
     >>> import motionkit as mk
@@ -49,13 +47,15 @@ class Prior:
     Motion('an old person walks', 60 frames at 30 fps, 2.0 s, 22 joints)
     """
 
+    kind = "prior"
+
     network: Denoiser
     layout: OfBody
     normalizer: Normalizer
     schedule: NoiseSchedule
     encoder: text.TextEncoder
-    known: tuple[str, ...]
-    least: float
+    train_captions: tuple[str, ...]
+    ood_threshold: float
     guided: bool = True
     card: dict = field(default_factory=dict, repr=False)
 
@@ -80,9 +80,9 @@ class Prior:
         return text.content_key(state, self.encoder.key)
 
     @cached_property
-    def known_embeddings(self) -> Tensor:
-        """Of the sentences in `known`, [N, E]."""
-        return self.encoder.encode(self.known)
+    def caption_embeddings(self) -> Tensor:
+        """Of the sentences in `train_captions`, [N, E]."""
+        return self.encoder.encode(self.train_captions)
 
     def encode(self, motion: Motion) -> Tensor:
         """A motion of F frames to the normalised features [F, D] that noise is added to."""
@@ -116,7 +116,7 @@ class Prior:
                 "one with drop above 0"
             )
         for prompt in prompts:
-            text.check_prompt(prompt, self.encoder, self.known, self.known_embeddings, self.least)
+            text.check_prompt(prompt, self.encoder, self.train_captions, self.caption_embeddings, self.ood_threshold)
         vectors, more = self.encoder.encode(prompts), {} if mask is None else {"mask": mask}
         return sampling.classifier_free_guidance(
             self.network.eval(), vectors, torch.zeros(vectors.shape[1]), scale, **more
@@ -163,38 +163,32 @@ class Prior:
                 )
         return [round(one * self.fps) for one in each]
 
-    def save(self, path: str | os.PathLike) -> Path:
-        """Weights and card, see `checkpoints.save`. Weights are written with 16 bits."""
-        tensors = {name: value.half() for name, value in self.network.state_dict().items()}
-        tensors |= {"mean": self.normalizer.mean, "std": self.normalizer.std, "alphas_bar": self.schedule.alphas_bar}
-        card = {"kind": "prior", **self.card, "config": asdict(self.network.config), "features": "FacingFree"}
-        card |= {"fps": self.fps, "text_encoder": self.encoder.name, "text_size": self.encoder.size}
-        card |= {"text_key": self.encoder.key, "guided": self.guided, "known": list(self.known), "least": self.least}
-        card |= {"features_hash": self.normalizer.data_hash}
-        return checkpoints.save(path, tensors, card | {"skeleton": checkpoints.skeleton_card(self.layout.skeleton)})
+    def networks(self) -> dict[str, nn.Module]:
+        """See `checkpoints.Checkpoint`."""
+        return {"network": self.network}
+
+    def tensors(self) -> dict[str, Tensor]:
+        """What the features and the noise are scaled by."""
+        return {"mean": self.normalizer.mean, "std": self.normalizer.std, "alphas_bar": self.schedule.alphas_bar}
+
+    def facts(self) -> dict:
+        """Sizes, features, text encoder and the sentences that it learned from."""
+        facts = _facts(self.network, self.layout, self.normalizer, self.encoder)
+        return {**facts, "guided": self.guided, "known": list(self.train_captions), "least": self.ood_threshold}
 
     @classmethod
-    def load(cls, path: str | os.PathLike, encoder: text.TextEncoder | None = None) -> Prior:
-        """From what `save` wrote, with the text encoder that it was trained with; see `text_to_motion.load`.
-
-        Raises MotionKitError if the files are damaged, of a newer format, of another kind or configuration, or if the
-        text encoder's weights are others than those it learned from.
-        """
-        tensors, card = checkpoints.load(path, "prior")
-        encoder = checkpoints.same_encoder(path, card, encoder or text.load(card["text_encoder"]))
-        layout = OfBody(checkpoints.skeleton_of(card["skeleton"]), card["fps"])
-        normalizer = Normalizer(tensors.pop("mean"), tensors.pop("std"), card["features"], card["features_hash"])
-        schedule = NoiseSchedule(tensors.pop("alphas_bar"))
-        config = checkpoints.load_config(path, card, TransformerConfig)
-        network = Denoiser(layout.size, card["text_size"], config, schedule.steps).eval()
-        checkpoints.load_into(network, {name: value.float() for name, value in tensors.items()}, path)
-        return cls(
-            network, layout, normalizer, schedule, encoder, tuple(card["known"]), card["least"], card["guided"], card
-        )
+    def restore(cls, saved: Saved, encoder: TextEncoder | None = None) -> Prior:
+        """encoder: of the sentences, where it is not one that `text.load` finds by its name."""
+        layout, normalizer, encoder = _restored(saved, encoder)
+        schedule, card = NoiseSchedule(saved.tensors["alphas_bar"]), saved.card
+        network = Denoiser(layout.size, encoder.size, saved.config(TransformerConfig), schedule.steps)
+        network = saved.fill("network", network)
+        known, guided = tuple(card["known"]), card["guided"]
+        return cls(network, layout, normalizer, schedule, encoder, known, card["least"], guided, card)
 
 
 @dataclass(eq=False)
-class Discriminator:
+class Discriminator(Checkpoint):
     """Paper 1's Dis (section 3.3, figure 3): motions as vectors in the space of sentences.
 
     network: reads normalised features. layout, normalizer: those of the prior whose embedding it shares. encoder: of
@@ -207,6 +201,8 @@ class Discriminator:
     >>> bool(scores[0, 0] > scores[0, 1])
     True
     """
+
+    kind = "discriminator"
 
     network: SemanticEncoder
     layout: OfBody
@@ -242,33 +238,82 @@ class Discriminator:
         """Cosine of each motion with each sentence, [N, M] (paper 1, eqs. 6 and 11, without the one minus)."""
         return text.similarity(self.embed(motions), self.encoder.encode(sentences))
 
-    def save(self, path: str | os.PathLike) -> Path:
-        """Weights and card, see `checkpoints.save`. Weights are written with 16 bits."""
-        tensors = {name: value.half() for name, value in self.network.state_dict().items()}
-        tensors |= {"mean": self.normalizer.mean, "std": self.normalizer.std}
-        card = {"kind": "discriminator", **self.card, "config": asdict(self.network.config), "features": "FacingFree"}
-        card |= {"fps": self.layout.fps, "text_encoder": self.encoder.name, "text_size": self.encoder.size}
-        card |= {"text_key": self.encoder.key, "features_hash": self.normalizer.data_hash}
-        return checkpoints.save(path, tensors, card | {"skeleton": checkpoints.skeleton_card(self.layout.skeleton)})
+    def networks(self) -> dict[str, nn.Module]:
+        """See `checkpoints.Checkpoint`."""
+        return {"network": self.network}
+
+    def tensors(self) -> dict[str, Tensor]:
+        """What the features are scaled by."""
+        return {"mean": self.normalizer.mean, "std": self.normalizer.std}
+
+    def facts(self) -> dict:
+        """Sizes, features and text encoder."""
+        return _facts(self.network, self.layout, self.normalizer, self.encoder)
 
     @classmethod
-    def load(cls, path: str | os.PathLike, encoder: text.TextEncoder | None = None) -> Discriminator:
-        """From what `save` wrote; raises MotionKitError as `Prior.load` does."""
-        tensors, card = checkpoints.load(path, "discriminator")
-        encoder = checkpoints.same_encoder(path, card, encoder or text.load(card["text_encoder"]))
-        layout = OfBody(checkpoints.skeleton_of(card["skeleton"]), card["fps"])
-        normalizer = Normalizer(tensors.pop("mean"), tensors.pop("std"), card["features"], card["features_hash"])
-        config = checkpoints.load_config(path, card, TransformerConfig)
-        network = SemanticEncoder(layout.size, card["text_size"], config).eval()
-        checkpoints.load_into(network, {name: value.float() for name, value in tensors.items()}, path)
-        return cls(network, layout, normalizer, encoder, card)
+    def restore(cls, saved: Saved, encoder: TextEncoder | None = None) -> Discriminator:
+        """encoder: of the sentences, where it is not one that `text.load` finds by its name."""
+        layout, normalizer, encoder = _restored(saved, encoder)
+        network = SemanticEncoder(layout.size, encoder.size, saved.config(TransformerConfig))
+        return cls(saved.fill("network", network), layout, normalizer, encoder, saved.card)
 
 
-BATCH, RATE = 48, 7e-4
+def _facts(network: nn.Module, layout: OfBody, normalizer: Normalizer, encoder: TextEncoder) -> dict:
+    return {
+        "config": asdict(network.config),
+        "features": "FacingFree",
+        "features_hash": normalizer.data_hash,
+        "fps": layout.fps,
+        "skeleton": skeleton_card(layout.skeleton),
+        "text_encoder": encoder.name,
+        "text_size": encoder.size,
+        "text_key": encoder.key,
+    }
+
+
+def _restored(saved: Saved, encoder: TextEncoder | None) -> tuple[OfBody, Normalizer, TextEncoder]:
+    card, tensors = saved.card, saved.tensors
+    encoder = saved.encoder(encoder or text.load(card["text_encoder"]))
+    normalizer = Normalizer(tensors["mean"], tensors["std"], card["features"], card["features_hash"])
+    return OfBody(saved.skeleton, card["fps"]), normalizer, encoder
+
+
+LR = 7e-4
 STEPS = {"prior": 25000, "discriminator": 1000}
-SNR_SHIFT = 6.0  # noise than the plain cosine's: how fast a motion goes is settled where there is least signal
-DROP = 0.1  # share of the motions that come without their sentence, so that guidance can be used
 SHORTEST = 40  # frames of a window
+
+
+@dataclass(frozen=True)
+class Config:
+    """Sizes and data of the prior and the discriminator.
+
+    sizes: of the networks. noise: the schedule; the cosine with 1000 steps and six times its noise-to-signal ratio,
+    since how fast a motion goes is settled where there is least signal. drop: share of the motions that come without
+    their sentence, which guidance needs. batch: windows a step.
+
+    >>> Config.paper().sizes.width, Config.laptop().sizes.width
+    (512, 192)
+    """
+
+    sizes: TransformerConfig
+    noise: NoiseSchedule = field(default_factory=lambda: NoiseSchedule.cosine(1000).snr_shift(6.0), repr=False)
+    drop: float = 0.1
+    batch: int = 48
+
+    @classmethod
+    def paper(cls) -> Config:
+        """Paper 1, section 4: 8 layers, 512 wide, a token a frame, 1000 steps of the plain cosine, batch 64."""
+        return cls(TransformerConfig.paper(), NoiseSchedule.cosine(1000), batch=64)
+
+    @classmethod
+    def laptop(cls) -> Config:
+        """The same parts at a size that trains on two cores within the hour."""
+        return cls(TransformerConfig.laptop())
+
+    @classmethod
+    def tiny(cls) -> Config:
+        """For tests."""
+        return cls(TransformerConfig.tiny())
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,111 +343,74 @@ class Sentences:
 def train_prior(
     data: Dataset | Split,
     encoder: TextEncoder,
-    config: TransformerConfig | None = None,
-    schedule: TrainConfig | None = None,
+    config: Config | None = None,
+    training: TrainConfig | None = None,
     *,
-    noise: NoiseSchedule | None = None,
-    drop: float = DROP,
-    batch: int = BATCH,
     start: Prior | None = None,
     **running,
 ) -> Prior:
     """Paper 1's generative prior (section 3.3, eq. 5) on the training part of a dataset with captions.
 
-    config: sizes; `laptop()` if left out. noise: a `louder` cosine with 1000 steps if left out. drop: share of the
-    motions that it sees without a sentence; with 0 it cannot be guided. batch: windows a step, all of one length, which
-    is drawn. start: a prior to go on from, of the same sizes, with its normalizer and noise. running: as in `fit`.
-    Raises MotionKitError for clips without captions, or where `start` has other sizes.
+    config: `Config.laptop()` if left out. start: a prior to go on from, of the same sizes, with its normalizer and
+    noise. running: as in `fit`. Raises MotionKitError for clips without captions, or where `start` has other sizes.
     """
     split = data.split() if isinstance(data, Dataset) else data
-    config, noise = config or TransformerConfig.laptop(), noise or NoiseSchedule.cosine(1000).snr_shift(SNR_SHIFT)
-    schedule = schedule or TrainConfig(STEPS["prior"], rate=RATE, decay=1e-2, average=0.999)
-    encoded, normalizer = fit_normalizer(split.train)
+    config = config or Config.laptop()
+    noise, batch_size = config.noise, config.batch
+    training = training or TrainConfig(STEPS["prior"], LR, weight_decay=1e-2, ema=0.999)
+    features, normalizer = fit_normalizer(split.train)
     if start is not None:
         normalizer, noise = start.normalizer, start.schedule
-    sentences = Sentences.of(split.train, encoder)
-    torch.manual_seed(schedule.seed)
-    network = Denoiser(encoded.layout.size, encoder.size, config, noise.steps)
+    torch.manual_seed(training.seed)
+    network = Denoiser(features.layout.size, encoder.size, config.sizes, noise.steps)
     if start is not None:
         load_into(network, start.network.state_dict(), "start")
-    loss_fn, batch_of = _prior_loss(encoded, normalizer, sentences, noise, config.frames, drop, batch, schedule)
-    run = fit(network, loss_fn, schedule, batch_of=batch_of, **running)
-    known, least = ood_captions(split.train, encoder)
-    card = {**training_card(split.train, schedule, run, network), "batch": batch, "drop": drop}
-    card["last_loss"] = round(sum(run.losses[-200:]) / len(run.losses[-200:]), 4)
+    sentences = Sentences.of(split.train, encoder)
+    windows = WindowSampler(features, normalizer, batch_size, (SHORTEST, config.sizes.frames))
+
+    def draw(step: int) -> dict:
+        batch = windows.sample()
+        kept = torch.rand(batch_size, 1) >= config.drop  # the others come without their sentence
+        batch["text"] = sentences.draw(batch["clips"]) * kept
+        return batch | {"t": torch.randint(1, noise.steps + 1, (batch_size,))}
+
+    def loss_fn(network: nn.Module, batch: dict) -> Tensor:
+        text, mask = batch["text"], batch["mask"]
+        return simple_loss(lambda x, t: network(x, t, text, mask), batch["x"], noise, batch["t"], mask)
+
+    run = fit(network, draw, loss_fn, training, **running)
+    captions, threshold = ood_captions(split.train, encoder)
+    card = {**training_card(split.train, training, run, network), "batch": batch_size, "drop": config.drop}
     card |= {} if start is None else {"started_from": {k: start.card.get(k) for k in ("command", "steps", "seconds")}}
-    return Prior(network, encoded.layout, normalizer, noise, encoder, known, least, drop > 0, card)
-
-
-def _prior_loss(
-    encoded: FeatureCache,
-    normalizer: Normalizer,
-    sentences: Sentences,
-    noise: NoiseSchedule,
-    frames: int,
-    drop: float,
-    batch: int,
-    schedule: TrainConfig,
-) -> tuple[Callable[[nn.Module, int], Tensor], Callable[[int], str]]:
-    """The loss of a step (paper 1, eq. 5), and what is in its batch, in words."""
-
-    def chosen() -> tuple[Tensor, int]:
-        clips = torch.randint(len(encoded.dataset), (batch,))
-        return clips, int(torch.randint(min(SHORTEST, frames) // 4, frames // 4 + 1, ())) * 4
-
-    def loss_fn(network: nn.Module, step: int) -> Tensor:
-        clips, length = chosen()
-        x, mask = encoded.draw_masked(clips, length)
-        text = sentences.draw(clips) * (torch.rand(batch, 1) >= drop)
-        t = torch.randint(1, noise.steps + 1, (batch,))
-        x, mask, text, t = (value.to(device_of(network)) for value in (normalizer.normalize(x), mask, text, t))
-        everyone = bool(mask.all())
-        return simple_loss(
-            lambda x, t: network(x, t, text, None if everyone else mask), x, noise, t, None if everyone else mask
-        )
-
-    def batch_of(step: int) -> str:
-        seed_batch(schedule, step)
-        clips, length = chosen()
-        names = [encoded.dataset[n].name for n in clips.tolist()]
-        return f"{length} frames of {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"
-
-    return loss_fn, batch_of
+    return Prior(network, features.layout, normalizer, noise, encoder, captions, threshold, config.drop > 0, card)
 
 
 def train_discriminator(
-    data: Dataset | Split,
-    prior: Prior,
-    schedule: TrainConfig | None = None,
-    *,
-    batch: int = BATCH,
-    **running,
+    data: Dataset | Split, prior: Prior, training: TrainConfig | None = None, *, batch: int = 48, **running
 ) -> Discriminator:
     """Paper 1's motion-semantic discriminator (section 3.3, eq. 6), with a prior's embedding, which stays as it is.
 
     Sizes are the prior's. The card holds R@1 and R@3 among 32 sentences on the test part. running: as in `fit`.
     """
     split = data.split() if isinstance(data, Dataset) else data
-    schedule = schedule or TrainConfig(STEPS["discriminator"], rate=RATE, decay=1e-2, average=0.999)
-    encoded = FeatureCache(split.train, prior.layout)
-    sentences = Sentences.of(split.train, prior.encoder)
-    torch.manual_seed(schedule.seed)
-    config, embedding = prior.network.config, prior.network.embedding
-    network = SemanticEncoder(prior.layout.size, prior.encoder.size, config, embedding)
+    training = training or TrainConfig(STEPS["discriminator"], LR, weight_decay=1e-2, ema=0.999)
+    config, sentences = prior.network.config, Sentences.of(split.train, prior.encoder)
+    torch.manual_seed(training.seed)
+    network = SemanticEncoder(prior.layout.size, prior.encoder.size, config, prior.network.embedding)
+    windows = WindowSampler(FeatureCache(split.train, prior.layout), prior.normalizer, batch, (SHORTEST, config.frames))
 
-    def loss_fn(model: nn.Module, step: int) -> Tensor:
-        clips = torch.randint(len(split.train), (batch,))
-        length = int(torch.randint(min(SHORTEST, config.frames) // 4, config.frames // 4 + 1, ())) * 4
-        x, mask = encoded.draw_masked(clips, length)
-        text, here = sentences.draw(clips), device_of(model)
-        everyone = None if mask.all() else mask.to(here)
-        return semantic_loss(model(prior.normalizer.normalize(x).to(here), everyone), text.to(here))
+    def draw(step: int) -> dict:
+        window = windows.sample()
+        return window | {"text": sentences.draw(window["clips"])}
 
-    run = fit(network, loss_fn, schedule, **running)
-    made = Discriminator(network, prior.layout, prior.normalizer, prior.encoder)
-    made.card = {**training_card(split.train, schedule, run, network), "batch": batch}
-    made.card["metrics"] = retrieval(made, split.test) if len(split.test) else {}
-    return made
+    def loss_fn(network: nn.Module, batch: dict) -> Tensor:
+        return semantic_loss(network(batch["x"], batch["mask"]), batch["text"])
+
+    run = fit(network, draw, loss_fn, training, **running)
+    discriminator = Discriminator(network, prior.layout, prior.normalizer, prior.encoder)
+    discriminator.card = {**training_card(split.train, training, run, network), "batch": batch}
+    discriminator.card["metrics"] = retrieval(discriminator, split.test) if len(split.test) else {}
+    return discriminator
 
 
 def retrieval(judge: Discriminator, clips: Dataset) -> dict[str, float]:
@@ -484,52 +492,22 @@ def quality(prior: Prior, split: Split, judge: Judge, title: str = "", **more) -
     return {name: round(value, 3) for name, value in found.items()}
 
 
-def evaluate_checkpoint(path: str | os.PathLike, split: Split) -> dict[str, float]:
-    """Write the `quality` of weights into their card; nothing where no judge was trained on the dataset."""
-    name = split.train.name
-    if name not in judges.names() or not len(split.test):
-        return {}
-    tensors, card = checkpoints.load(path, "prior")
-    card["metrics"] = quality(Prior.load(path), split, judges.load(name))
-    checkpoints.save(path, tensors, card)
-    return card["metrics"]
+def make_prior(order: TrainOrder) -> Prior:
+    """For the command line: the prior of a dataset, with its `quality` where there are judges of the dataset."""
+    split, config = order.data.split(), getattr(Config, order.size)()
+    training = order.config(STEPS["prior"], LR, weight_decay=1e-2, ema=0.999)
+    start = Prior.load(checkpoints.find(order.start)) if order.start else None
+    prior = train_prior(split, text.load(order.text), config, training, start=start, **order.running)
+    if order.data.name in judges.names() and len(split.test):
+        prior.card["metrics"] = quality(prior, split, judges.load(order.data.name))
+    return prior
 
 
-def train_part(
-    part: str,
-    data: Dataset,
-    config: TransformerConfig,
-    steps: int | None,
-    seed: int,
-    command: str,
-    encoder: str = "mini",
-    start: str | None = None,
-    rate: float | None = None,
-) -> Path:
-    """Train a `prior`, `discriminator` or `text` and write it where `load` finds it; returns the weights' path.
-
-    steps, rate: of the training; left out, the recipe's. encoder: of the sentences, see `text.load`. start: the name
-    of a prior to go on from, the one trained before for instance. The state of the run is kept beside the weights, so a
-    run that was broken off goes on. A discriminator needs the dataset's prior. Of several processes the first writes.
-    """
-    path = default_path(data.name, part) if part != "text" else checkpoints.folder() / "text-mini.safetensors"
-    keep, split = path.with_suffix(".run"), data.split()
-    if part == "text":
-        schedule = TrainConfig(steps or TEXT_STEPS, rate=1e-3, decay=1e-2, seed=seed)
-        made = train_text(split, None, schedule, keep=keep, title=path.stem)
-    else:
-        schedule = TrainConfig(steps or STEPS[part], rate=rate or RATE, decay=1e-2, seed=seed, average=0.999)
-        if part == "prior":
-            first = Prior.load(checkpoints.find(start)) if start else None
-            made = train_prior(split, text.load(encoder), config, schedule, start=first, keep=keep, title=path.stem)
-        else:
-            prior = Prior.load(default_path(data.name, "prior"))
-            made = train_discriminator(split, prior, schedule, keep=keep, title=path.stem)
-    made.card = {"name": path.stem, "command": command, **made.card}
-    main_process_first(lambda: made.save(path))
-    if part == "prior":
-        main_process_first(lambda: evaluate_checkpoint(path, split))
-    return path
+def make_discriminator(order: TrainOrder) -> Discriminator:
+    """For the command line: the discriminator beside the prior of a dataset."""
+    prior = Prior.load(checkpoints.default_path(order.data.name, "prior"))
+    training = order.config(STEPS["discriminator"], LR, weight_decay=1e-2, ema=0.999)
+    return train_discriminator(order.data, prior, training, **order.running)
 
 
 def load(data: str = "actor", encoder: TextEncoder | None = None) -> Prior:
@@ -541,9 +519,9 @@ def load(data: str = "actor", encoder: TextEncoder | None = None) -> Prior:
     >>> load("actor")
     Prior(1.9 million weights, text by 'mini', Skeleton(22 joints, root 'pelvis', height ... m))
     """
-    return Prior.load(checkpoints.find(f"{data}-prior"), encoder)
+    return Prior.load(checkpoints.find(f"{data}-prior"), encoder=encoder)
 
 
 def load_discriminator(data: str = "actor", encoder: TextEncoder | None = None) -> Discriminator:
     """The motion-semantic discriminator that was trained on a dataset; as `load`."""
-    return Discriminator.load(checkpoints.find(f"{data}-discriminator"), encoder)
+    return Discriminator.load(checkpoints.find(f"{data}-discriminator"), encoder=encoder)

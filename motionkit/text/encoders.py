@@ -27,6 +27,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from .. import checkpoints
+from ..checkpoints import Checkpoint, Saved
 from ..errors import MotionKitError
 from ..files import MotionKitWarning, write_atomic
 
@@ -329,35 +330,36 @@ class MiniNetwork(nn.Module):
         return nn.functional.normalize(self.output(pooled), dim=1)
 
 
-class Mini(TextEncoder):
+class Mini(TextEncoder, Checkpoint):
     """The shipped encoder; `mk.text.load("mini")`.
 
     network: what encodes. card: how it was made.
     """
 
-    name = "mini"
+    name, kind = "mini", "text"
 
     def __init__(self, network: MiniNetwork, card: dict | None = None) -> None:
         self.network, self.card = network.eval(), card or {}
         self.size = network.config.size
-        self.key = content_key(network.state_dict(), repr(network.config))
+        state = {name: value.half() for name, value in network.state_dict().items()}  # as `save` writes them
+        self.key = content_key(state, repr(network.config))
 
     def embed(self, texts: list[str]) -> Tensor:
         """Unit vectors [N, E]."""
         return self.network(texts)
 
-    def save(self, path):
-        """Weights and card, see `checkpoints.save`."""
-        card = {"kind": "text", **self.card, "config": asdict(self.network.config)}
-        return checkpoints.save(path, self.network.state_dict(), card)
+    def networks(self) -> dict[str, nn.Module]:
+        """See `checkpoints.Checkpoint`."""
+        return {"network": self.network}
+
+    def facts(self) -> dict:
+        """Sizes."""
+        return {"config": asdict(self.network.config)}
 
     @classmethod
-    def load(cls, path) -> Mini:
-        """From what `save` wrote; MotionKitError if the files are damaged or hold something else."""
-        tensors, card = checkpoints.load(path, "text")
-        network = MiniNetwork(checkpoints.load_config(path, card, MiniConfig))
-        checkpoints.load_into(network, tensors, path)
-        return cls(network, card)
+    def restore(cls, saved: Saved) -> Mini:
+        """See `checkpoints.Checkpoint`."""
+        return cls(saved.fill("network", MiniNetwork(saved.config(MiniConfig))), saved.card)
 
 
 def load_mini() -> Mini:

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from ..checkpoints import training_card
 from ..datasets import Dataset, Split
 from ..datasets.batches import FeatureCache, fit_normalizer
 from ..features import Normalizer
 from ..features.facing_free import OfBody
 from ..layers import SemanticEncoder, TransformerConfig
-from ..training import TrainConfig, fit, training_card
+from ..training import TrainConfig, TrainOrder, fit
 from . import captions
 from . import captions as acted
 from . import captions as captured
@@ -111,7 +112,7 @@ def info_nce(a: Tensor, b: Tensor, same: Tensor, temperature: float = TEMPERATUR
 
 
 def train_text(
-    data: Dataset | Split, config: MiniConfig | None = None, schedule: TrainConfig | None = None, **running
+    data: Dataset | Split, config: MiniConfig | None = None, training: TrainConfig | None = None, **running
 ) -> Mini:
     """The kit's text encoder, from a dataset's captions and motions, and from sentences about all contents and styles.
 
@@ -120,45 +121,55 @@ def train_text(
     holds how often, on the test part, the right one of 32 is found. running: as in `training.fit`.
     """
     split = data.split() if isinstance(data, Dataset) else data
-    schedule = schedule or TrainConfig(STEPS, rate=1e-3, decay=1e-2)
-    encoded, normalizer = fit_normalizer(split.train)
-    torch.manual_seed(schedule.seed)
-    towers = TwoTowers(encoded.layout.size, config or MiniConfig())
-    run = fit(towers, _loss(split.train, encoded, normalizer), schedule, **running)
-    made = Mini(towers.text)
-    made.card = {
-        **training_card(split.train, schedule, run, towers.text),
-        "metrics": _metrics(towers, split, normalizer),
-    }
-    return made
+    training = training or TrainConfig(STEPS, lr=1e-3, weight_decay=1e-2)
+    features, normalizer = fit_normalizer(split.train)
+    torch.manual_seed(training.seed)
+    towers = TwoTowers(features.layout.size, config or MiniConfig())
+    run = fit(towers, _draw(split.train, features, normalizer), _loss, training, **running)
+    encoder = Mini(towers.text)
+    metrics = _metrics(towers, split, normalizer)
+    encoder.card = {**training_card(split.train, training, run, towers.text), "metrics": metrics}
+    return encoder
 
 
-def _loss(train: Dataset, encoded: FeatureCache, normalizer: Normalizer) -> Callable[[nn.Module, int], Tensor]:
-    said, classes = [clip.texts for clip in train], _classes(train)
-    known = meanings()
+def make_text(order: TrainOrder) -> Mini:
+    """For the command line."""
+    return train_text(order.data, None, order.config(STEPS, 1e-3, weight_decay=1e-2), **order.running)
 
-    def loss_fn(towers: nn.Module, step: int) -> Tensor:
+
+def _draw(train: Dataset, features: FeatureCache, normalizer: Normalizer) -> Callable[[int], dict]:
+    """Motions with two captions each; sentences of meanings without a motion; and nonsense."""
+    captions, classes, known = [clip.texts for clip in train], _classes(train), meanings()
+
+    def draw(step: int) -> dict:
         clips = torch.randint(len(train), (BATCH,))
         chance = random.Random(int(torch.randint(2**31, ())))
-        pairs = [chance.sample(said[n], 2) for n in clips.tolist()]
+        pairs = [chance.sample(captions[n], 2) for n in clips.tolist()]
         others: list[Meaning] = chance.sample(known, OTHERS)
         pairs += [chance.sample(one.texts, 2) for one in others]
         odd = [nonsense(chance) for _ in range(NONSENSE)]
-        device = next(towers.parameters()).device
-        motion = normalizer.normalize(encoded.draw(clips, FRAMES)).to(device)
-        text, seen = towers([p[0] for p in pairs] + [p[1] for p in pairs] + odd, motion)
-        first, rest = text[: len(pairs)], text[len(pairs) :]
         of = [classes[n] for n in clips.tolist()] + [(one.content, one.style) for one in others]
-        same = torch.tensor([[a == b for b in of] for a in of], device=device)
-        everything = nn.functional.pad(same, (0, NONSENSE))
-        own = torch.cat((first, text[2 * len(pairs) :]))
-        return (
-            info_nce(first, rest, everything)
-            + info_nce(seen, own, everything[:BATCH])
-            + info_nce(first[:BATCH], seen, same[:BATCH, :BATCH])
-        )
+        return {
+            "texts": [first for first, _ in pairs] + [second for _, second in pairs] + odd,
+            "motion": normalizer.normalize(features.draw(clips, FRAMES)),
+            "same": torch.tensor([[a == b for b in of] for a in of]),
+            "names": [train[n].name for n in clips.tolist()],
+        }
 
-    return loss_fn
+    return draw
+
+
+def _loss(towers: nn.Module, batch: dict) -> Tensor:
+    same = batch["same"]
+    text, motion = towers(batch["texts"], batch["motion"])
+    first, rest = text[: len(same)], text[len(same) :]
+    own = torch.cat((first, text[2 * len(same) :]))
+    everything = nn.functional.pad(same, (0, NONSENSE))
+    return (
+        info_nce(first, rest, everything)
+        + info_nce(motion, own, everything[:BATCH])
+        + info_nce(first[:BATCH], motion, same[:BATCH, :BATCH])
+    )
 
 
 def _classes(data: Dataset) -> list[tuple[str, str]]:

@@ -296,10 +296,10 @@ class Live(StillWidget, anywidget.AnyWidget):
     ) -> None:
         if not all(hasattr(method, name) for name in ("stream", "seen", "model")):
             raise MotionKitError(f"Live needs a method that streams, such as 'style-erd'; found {method!r:.80}")
-        seen = method.seen(content)
+        seen = method.onto_model(content)
         model, made = method.model, figures([seen, seen], roles=["content", "result"])
         for style in (left, right):
-            model.number("style", style)
+            model.label_id("style", style)
         self._model, self._stream = model, method.stream(left, content=label, own_style=own_style)
         self._source, self._kept, self.times = Endless(seen), [], {"ms": 0.0, "trip": 0.0}
         before = seen.positions()[0, 0].numpy()
