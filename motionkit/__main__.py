@@ -4,19 +4,30 @@
 from __future__ import annotations
 
 import argparse
-import inspect
+import importlib
 import sys
 import warnings
 import webbrowser
 from pathlib import Path
 
-from . import datasets, methods
+from . import checkpoints, datasets, methods
 from .bvh import load, save
 from .errors import MotionKitError
 from .files import MotionKitWarning, target
 
-_JUDGES, _PRIORS = ("content", "style", "autoencoder"), ("prior", "discriminator", "text")  # what `train` makes
-_SPACES, _ERD = ("space", "reader"), "erd"
+# What `train` makes: a function from a `training.TrainOrder` to a checkpoint. A new method is a line here.
+_TRAINERS = {
+    "content": "judges:make_content",
+    "style": "judges:make_style",
+    "autoencoder": "judges:make_autoencoder",
+    "text": "text.train:make_text",
+    "prior": "methods.text_to_motion:make_prior",
+    "discriminator": "methods.text_to_motion:make_discriminator",
+    "style-code": "methods.style_code:make_style_code",
+    "style-encoder": "methods.style_code:make_style_encoder",
+    "style-erd": "methods.style_erd:make_style_erd",
+}
+_JUDGES = ("content", "style", "autoencoder")
 _UNIT_HELP = "metres in one unit of the file (0.01 for centimetres); guessed from the skeleton's size if left out"
 
 
@@ -38,11 +49,13 @@ def _parser() -> argparse.ArgumentParser:
 
     stylize = commands.add_parser("stylize", help="give a motion the style of another one, and write BVH")
     stylize.add_argument("input", help="the motion to restyle, a BVH file")
-    stylize.add_argument("--style", required=True, help="a BVH file or learned style; few-shot, style-erd: or a name")
-    strong = "0 keeps the input (style-erd: neutral), 1 is the style, 2 a caricature"
+    stylize.add_argument(
+        "--style", required=True, help="a BVH file or a learned style; style-code, style-erd: or a name"
+    )
+    strong = "0 keeps the input, 1 is the style, 2 a caricature"
     stylize.add_argument("--strength", type=float, default=1.0, help=strong)
     stylize.add_argument("-o", "--output", required=True, help="the BVH file to write")
-    known = f"one of: {', '.join(methods.names())} (statistics; few-shot where the style is one that was learned)"
+    known = f"one of: {', '.join(methods.names())} (statistics; of a learned style the one that it was learned by)"
     stylize.add_argument("--method", help=known)
     stylize.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)
     _add_perform(commands)
@@ -74,12 +87,14 @@ def _add_imagine(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_learn(commands: argparse._SubParsersAction) -> None:
-    learn = commands.add_parser("learn", help="teach a prior the style of one clip (few-shot), and write a small file")
+    learn = commands.add_parser("learn", help="learn the style of one clip, and write a small file for stylize --style")
     learn.add_argument("style", help="a clip in the style, a BVH file of a second or more")
-    learn.add_argument("--prompt", help='what is done and how, such as "an old person walks"; `actor` needs none')
+    learn.add_argument("--prompt", help='what is done and how, such as "an old person walks"; style-code needs none')
+    how = "style-code: in seconds, on the performer's skeleton; few-shot: as in paper 1, in a minute or two"
+    learn.add_argument("--method", choices=["style-code", "few-shot"], help=f"{how} (style-code where there is one)")
     learn.add_argument("--prior", default="actor", help="the dataset whose prior learns it")
     learn.add_argument("--root", help="the folder or zip of the captures, where the dataset needs one")
-    learn.add_argument("--steps", type=int, help="of fine-tuning; left out, the recipe's")
+    learn.add_argument("--steps", type=int, help="of the search or of fine-tuning; left out, the method's own")
     learn.add_argument("--seed", type=int, default=0)
     learn.add_argument("--metres-per-unit", type=float, help=_UNIT_HELP)
     learn.add_argument("-o", "--output", required=True, help="the .safetensors file to write, for stylize --style")
@@ -87,53 +102,36 @@ def _add_learn(commands: argparse._SubParsersAction) -> None:
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
     train = commands.add_parser("train", help="train on a dataset, and write weights with a card")
-    about = "judge: content, style and autoencoder; space and reader: of styles, for few-shot; erd: for style-erd"
-    train.add_argument("what", choices=["judge", *_JUDGES, *_PRIORS, *_SPACES, _ERD], help=about)
+    train.add_argument("what", choices=["judge", *_TRAINERS], help=f"judge: {', '.join(_JUDGES)} one after another")
     train.add_argument("--data", default="actor", help=f"one of: {', '.join(datasets.names())}")
     train.add_argument("--root", help="the folder or zip of the captures, where the dataset needs one")
-    train.add_argument("--config", default="laptop", choices=["tiny", "laptop", "paper"], help="the network's size")
-    train.add_argument("--steps", type=int, help="batches; left out, the recipe's")
+    train.add_argument("--config", default="laptop", choices=["tiny", "laptop", "paper"], help="sizes and numbers")
+    train.add_argument("--steps", type=int, help="batches; left out, the config's")
     train.add_argument("--seed", type=int, default=0)
-    train.add_argument("--rate", type=float, help="the highest learning rate of a prior; left out, the recipe's")
-    train.add_argument("--start", help="the name of a prior or space to go on from, such as actor-prior")
+    train.add_argument("--lr", type=float, help="the highest learning rate; left out, the config's")
+    train.add_argument("--start", help="the name of a checkpoint to go on from, such as actor-prior")
     train.add_argument("--text", default="mini", help="the text encoder of a prior, such as clip:FOLDER")
 
 
 def _train(args: argparse.Namespace) -> None:
-    from .training import main_process_first
+    """The state of a run is kept beside the weights, so one that was broken off goes on; the first process writes."""
+    from .training import TrainOrder, main_process_first
 
     data = datasets.load(args.data, args.root)
-    for part in _JUDGES if args.what == "judge" else [args.what]:
-        command = f"python -m motionkit train {part} --data {args.data} --config {args.config} --seed {args.seed}"
-        command += f" --steps {args.steps}" if args.steps else ""
-        command += f" --rate {args.rate}" if args.rate else ""
-        command += f" --start {args.start}" if args.start else ""
+    for what in _JUDGES if args.what == "judge" else [args.what]:
+        command = f"python -m motionkit train {what} --data {args.data} --config {args.config} --seed {args.seed}"
+        for name in ("steps", "lr", "start"):
+            command += f" --{name} {getattr(args, name)}" if getattr(args, name) else ""
         command += f" --text {args.text}" if args.text != "mini" else ""
-        path = _trained(part, data, args, command)
-        main_process_first(lambda path=path: print(path))
-
-
-def _trained(part: str, data: datasets.Dataset, args: argparse.Namespace, command: str) -> Path:
-    if part in _PRIORS:
-        from .layers import TransformerConfig
-        from .methods.text_to_motion import train_part
-
-        config = getattr(TransformerConfig, args.config)()
-        return train_part(part, data, config, args.steps, args.seed, command, args.text, args.start, args.rate)
-    if part in _SPACES:
-        from .methods import style_code
-
-        if part == "space":
-            return style_code.train_part(data, args.steps, args.seed, command, args.start)
-        return style_code.train_reader_part(data, args.steps, args.seed, command)
-    if part == _ERD:
-        from .methods.style_erd import train_part
-
-        return train_part(data, args.steps, args.seed, command)
-    from .judges import train_part
-    from .layers import StGcnConfig
-
-    return train_part(part, data, getattr(StGcnConfig, args.config)(), args.steps, args.seed, command)
+        path = checkpoints.default_path(args.data, what)
+        if what == "text":
+            path = checkpoints.folder() / "text-mini.safetensors"
+        options = {"steps": args.steps, "lr": args.lr, "seed": args.seed, "start": args.start, "text": args.text}
+        order = TrainOrder(data, args.config, **options, resume=path.with_suffix(".run"), title=path.stem)
+        module, maker = _TRAINERS[what].split(":")
+        model = getattr(importlib.import_module(f".{module}", __package__), maker)(order)
+        model.card = {"name": path.stem, "command": command, **model.card}
+        main_process_first(lambda model=model, path=path: print(model.save(path)))
 
 
 def _info(args: argparse.Namespace) -> None:
@@ -171,29 +169,28 @@ def _stylize(args: argparse.Namespace) -> None:
     output = _fresh(args.output, ".bvh", [args.input, args.style])
     content = load(args.input, args.metres_per_unit)
     method, style = _method_and_style(args)
-    options = {} if args.strength == 1 else {"strength": args.strength}
-    if options and "strength" not in inspect.signature(method.stylize).parameters:
-        raise MotionKitError(f"method {method.name!r} has no strength; leave --strength out")
-    print(save(method.stylize(content, style=style, **options), output))
+    print(save(method.stylize(content, style, args.strength), output))
 
 
 def _method_and_style(args: argparse.Namespace) -> tuple:
-    """What `stylize` is to use: a learned style belongs to few-shot, a name to the methods that know names."""
+    """What `stylize` is to use: a learned style belongs to its method, a name to the methods that know names."""
     kind = Path(args.style).suffix
     if kind == ".safetensors":
-        from .methods.few_shot import prior_name
-
-        if args.method not in (None, "few-shot"):
-            raise MotionKitError(f"{args.style}: a learned style is for --method few-shot; found {args.method!r}")
-        method = methods.load("few-shot", prior=prior_name(args.style))
+        card = checkpoints.load(args.style)[1]
+        name = {"style": "few-shot", "style-code": "style-code"}.get(card.get("kind"))
+        if name is None or not card.get("data"):
+            raise MotionKitError(f"{args.style}: holds no learned style, or its card names no dataset")
+        if args.method not in (None, name):
+            raise MotionKitError(f"{args.style}: this style was learned by --method {name}; found {args.method!r}")
+        method = methods.load(name, prior=card["data"])
         return method, method.load_style(args.style)
     method = methods.load(args.method or "statistics")
     if not kind and not Path(args.style).exists():
-        if method.name in ("few-shot", "style-erd"):
+        if method.name in ("style-code", "style-erd", "linear"):
             return method, args.style
         raise MotionKitError(
             f"--style {args.style}: no such file; {method.name} takes its style from a BVH file. By name: "
-            "--method few-shot or --method style-erd"
+            "--method style-code or --method style-erd"
         )
     return method, load(args.style, args.metres_per_unit)
 
@@ -215,17 +212,30 @@ def _imagine(args: argparse.Namespace) -> None:
 
     output = _fresh(args.output, ".bvh", [])
     scale = text_to_motion.GUIDANCE_SCALE if args.scale is None else args.scale
-    made = text_to_motion.load(args.prior).generate(args.sentence, args.seconds, scale=scale, seed=args.seed)
-    print(save(made[0], output))
+    motions = text_to_motion.load(args.prior).generate(args.sentence, args.seconds, scale=scale, seed=args.seed)
+    print(save(motions[0], output))
 
 
 def _learn(args: argparse.Namespace) -> None:
     output = _fresh(args.output, ".safetensors", [args.style])
+    there = f"{args.prior}-style-code" in checkpoints.names()
+    name = args.method or ("style-code" if there else "few-shot")
     library = datasets.load(args.prior, args.root).split().train if args.root else None
-    method = methods.load("few-shot", prior=args.prior, library=library, seed=args.seed)
-    method = method.with_recipe(steps=args.steps) if args.steps else method
-    learned = method.learn(load(args.style, args.metres_per_unit), args.prompt, keep=output.with_suffix(".run"))
-    print(learned.save(output))
+    method = methods.load(name, prior=args.prior, library=library, seed=args.seed)
+    why = "" if args.method else f"; {args.prior!r} has {'' if there else 'no '}codes of styles"
+    print(f"learning by {name}: {_LEARNS[name]}{why}")
+    running, clip = {"resume": output.with_suffix(".run")}, load(args.style, args.metres_per_unit)
+    if name == "few-shot":
+        method = method.with_config(steps=args.steps) if args.steps else method
+    elif args.steps:
+        running["steps"] = args.steps
+    print(method.learn(clip, args.prompt, **running).save(output))
+
+
+_LEARNS = {
+    "style-code": "the kit's own method reads a style's code off the clip, in seconds",
+    "few-shot": "paper 1's method fine-tunes its prior, in a minute or two",
+}
 
 
 def _fresh(output: str | Path, suffix: str, inputs: list[str]) -> Path:
