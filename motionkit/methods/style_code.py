@@ -171,7 +171,8 @@ class GaussianCode(NamedTuple):
 
 @dataclass(eq=False)
 class StyleCodeModel:
-    """What `python -m motionkit train space` makes, beyond paper 1; `mk.methods.load("few-shot")` finds styles in it.
+    """One model for every style (paper 1, section 7, leaves it open), made by `python -m motionkit train space`;
+    `mk.methods.load("few-shot")` finds styles in it.
 
     prior: what takes motions forwards. network: what takes them back. chain: the steps that it was taught on. reader:
     what reads a code off a styled motion; without one a style is looked for from neutral on.
