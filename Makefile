@@ -11,10 +11,10 @@ IN := $(VENV)/bin/python
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help lab test tour notebooks examples sheets bench-actor bench-arena bench-diffusion bench-few-shot bench-few-shot-held-back bench-few-shot-why bench-io bench-style-erd bench-style-erd-captures fuzz pins clean
+.PHONY: help lab test tour notebooks examples sheets docs bench fuzz pins clean
 
 help: ## list the commands
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-24s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 lab: $(READY) ## open JupyterLab on the tour
 	$(IN) -m jupyter lab notebooks/00_tour.ipynb $(LAB)
@@ -39,32 +39,11 @@ examples: $(READY) ## make data/actor again, and the fingerprint of what the per
 sheets: $(READY) ## draw every content in every style, and every creature, into out/sheets/
 	$(IN) tools/contact_sheets.py
 
-bench-actor: $(READY) ## measure the performer into results/actor.json
-	$(IN) tools/bench_actor.py
+docs: $(READY) ## write docs/*.md from the code
+	$(IN) tools/make_docs.py
 
-bench-arena: $(READY) ## measure the arena, and the methods to beat, into results/arena-baselines.json
-	$(IN) tools/bench_arena.py
-
-bench-diffusion: $(READY) ## measure samplers, priors and discriminators into results/diffusion.json
-	$(IN) tools/bench_diffusion.py
-
-bench-few-shot: $(READY) ## few-shot style transfer (paper 1) on captures, into results/few-shot.json
-	$(IN) tools/bench_few_shot.py
-
-bench-few-shot-held-back: $(READY) ## few-shot in styles held back, into results/few-shot-held-back.json
-	$(IN) tools/bench_few_shot_held_back.py
-
-bench-few-shot-why: $(READY) ## experiments on paper 1's table 3, into results/few-shot-why.json
-	$(IN) tools/bench_few_shot_why.py
-
-bench-io: $(READY) ## measure reading and kinematics into results/io.json
-	$(IN) tools/bench_io.py
-
-bench-style-erd: $(READY) ## measure Style-ERD (paper 2) into results/style-erd.json
-	$(IN) tools/bench_style_erd.py
-
-bench-style-erd-captures: $(READY) ## Style-ERD on Bandai-2, into results/style-erd-captures.json
-	$(IN) tools/bench_style_erd_captures.py
+bench: $(READY) ## measure NAME=io|actor|arena|diffusion|few_shot|style_erd into results/ (ONLY="a b": these figures)
+	$(IN) -m motionkit.benchmarks $(NAME) $(if $(ONLY),--only $(ONLY)) $(if $(DIRTY),--dirty)
 
 fuzz: $(READY) ## nightly: the BVH reader against 20,000 broken files
 	MOTIONKIT_FUZZ=20000 $(IN) -m pytest -q tests/test_bvh_fuzz.py

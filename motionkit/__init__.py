@@ -13,7 +13,7 @@ import importlib
 
 from .bvh import load, save
 from .errors import MotionKitError
-from .files import MotionKitWarning
+from .files import MotionKitWarning, results
 from .motion import Motion, concatenate
 from .skeleton import Skeleton
 
@@ -33,6 +33,7 @@ __all__ = [
     "Skeleton",
     "concatenate",
     "load",
+    "results",
     "save",
     *sorted((*_FROM, *_MODULES)),
 ]

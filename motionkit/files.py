@@ -1,12 +1,15 @@
-"""Reading and writing files so that nothing is ever left half-written."""
+"""Reading and writing files so that nothing is ever left half-written; `results`, what the benchmarks measured."""
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import BinaryIO
 
@@ -107,3 +110,81 @@ def cache_folder() -> Path:
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Caches" / "motionkit"
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "motionkit"
+
+
+@dataclass(frozen=True, repr=False)
+class Results:
+    """What a benchmark measured, from `results/NAME.json`.
+
+    run: command, commit, hardware, seed and seconds of the measurement; `other_runs` lists what was measured by others.
+    figures: by name, each a dict with value, target, met, unit and note. tables: by name, lists of rows, each a dict
+    that names its method and its dataset. Accuracies are in per cent.
+
+    >>> from motionkit import results
+    >>> results("io")
+    Results('io', measured at ..., 8 figures, 0 tables)
+    """
+
+    name: str
+    run: dict
+    figures: dict[str, dict]
+    tables: dict[str, list[dict]]
+
+    def figure(self, name: str) -> float:
+        """The value of a figure, in the unit that `figures` gives; MotionKitError names the figures that there are."""
+        return self._entry("figure", self.figures, name)["value"]
+
+    def table(self, name: str) -> list[dict]:
+        """The rows of a table; MotionKitError names the tables that there are."""
+        return self._entry("table", self.tables, name)
+
+    def run_of(self, name: str) -> dict:
+        """Command, commit, hardware, seed and seconds of the run that measured a figure or a table.
+
+        Raises MotionKitError for names that are none.
+        """
+        self._entry("figure or table", self.figures | self.tables, name)
+        return next((run for run in self.run.get("other_runs", []) if name in run["entries"]), self.run)
+
+    def _entry(self, kind: str, entries: dict, name: str):
+        if name not in entries:
+            raise MotionKitError(
+                f"results {self.name!r} have no {kind} {name!r}; they have {', '.join(entries) or 'none'}"
+            )
+        return entries[name]
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.figures)} figures, {len(self.tables)} tables"
+        return f"Results({self.name!r}, measured at {self.run['commit']}, {counts})"
+
+    def _repr_html_(self) -> str:
+        rows = ""
+        for name, figure in self.figures.items():
+            sign, unit = "✓" if figure["met"] else "✗", escape(figure["unit"])
+            cells = (escape(name), f"{figure['value']:,g} {unit}", f"{sign} {figure['target']:,g} {unit}")
+            rows += f"<tr>{''.join(f'<td>{cell}</td>' for cell in (*cells, escape(figure['note'])))}</tr>"
+        head = "<tr><th>figure</th><th>value</th><th>target</th><th>what</th></tr>"
+        foot = f"{self.run['command']}, commit {self.run['commit']}, {self.run['hardware']}"
+        tables = f"; tables: {', '.join(self.tables)}" if self.tables else ""
+        return f"<table>{head}{rows}</table><p>{escape(foot + tables)}</p>"
+
+
+def results(name: str, folder: str | os.PathLike | None = None) -> Results:
+    """What a benchmark measured: the numbers that README, docs and notebooks quote.
+
+    name: such as "few-shot". folder: of the JSON files; left out, `results/` beside the package. Raises MotionKitError
+    for a benchmark without results, and for a file that holds none.
+
+    >>> results("io").figure("import_seconds") < 0.3
+    True
+    """
+    folder = Path(__file__).resolve().parent.parent / "results" if folder is None else Path(folder)
+    names = sorted(path.stem for path in folder.glob("*.json"))
+    if name not in names:
+        hint = "They come with the repository, and `make bench NAME=io` measures"
+        raise MotionKitError(f"no results {name!r} in {folder}; there are: {', '.join(names) or 'none'}. {hint}")
+    try:
+        run = json.loads(read_bytes(folder / f"{name}.json"))
+        return Results(name, figures=run.pop("figures"), tables=run.pop("tables"), run=run)
+    except (ValueError, KeyError, TypeError) as error:
+        raise MotionKitError(f"{folder / name}.json: not the results of a benchmark ({error!r})") from None

@@ -263,7 +263,7 @@ def finite_share(values: Tensor | Sequence[Motion | None]) -> FiniteShare:
 
 
 def local_diversity(result: Tensor, source: Tensor, length: int = 15) -> float:
-    """How far each short window of a motion is from the nearest one of the source: 0 for a copy (paper 5: Loc-D).
+    """How far each short window of a motion is from the source's nearest: 0 for a copy (paper 5, section 4: Loc-D).
 
     result: [F, D], source: [G, D], features of frames on one scale, such as normalised rotations. length: frames of a
     window. The distance of two windows is the root of the mean square over their numbers; the mean over all windows of
@@ -280,7 +280,7 @@ def local_diversity(result: Tensor, source: Tensor, length: int = 15) -> float:
 
 
 def global_diversity(result: Tensor, source: Tensor, shortest: int = 30) -> float:
-    """How far a motion is from the best patchwork of pieces of the source: 0 if it is one (paper 5: Glo-D).
+    """How far a motion is from the best patchwork of pieces of the source: 0 if it is one (paper 5, section 4: Glo-D).
 
     result: [F, D], source: [G, D] as for `local_diversity`. Every piece has at least `shortest` frames, in the source's
     order; the best cut is found by dynamic programming. Returns the root of the mean square distance.
@@ -532,7 +532,7 @@ def foot_contact_accuracy(result: Motion, contacts: Tensor) -> float:
 
 
 def recognition_accuracy(scores: Tensor, labels: Tensor) -> float:
-    """Per cent of motions whose label a classifier names (paper 1, paper 4: CRA, SRA; paper 3).
+    """Per cent of motions a classifier names right: CRA, SRA (paper 1, section 5.2; paper 4, section 4.2; paper 3).
 
     scores: [N, C] of a classifier, one column a class. labels: [N] class numbers: of the content clip for the Content
     Recognition Accuracy, of the style for the Style Recognition Accuracy. A row of scores that is not finite counts as

@@ -81,7 +81,7 @@ def fill_gaps(points: Tensor, names: Sequence[str], fps: float) -> Tensor:
 
 
 def lowpass(points: Tensor, fps: float, cutoff: float = CUTOFF) -> Tensor:
-    """Numbers over time [F, ...] through a Butterworth low-pass of second order, forwards and back (paper 1, 5.1).
+    """Numbers over time [F, ...] through a second-order Butterworth low-pass, forwards and back (paper 1, section 5.1).
 
     cutoff: Hz, below half the frame rate. Nothing is delayed.
 

@@ -19,7 +19,7 @@ from made_clips import Made
 from test_bvh import CHAIN
 
 import motionkit as mk
-from bench_corpus import corpus_speed, private_mb
+from motionkit.benchmarks.corpus import corpus_speed, private_mb
 from motionkit.datasets import Corpus, Item, Labels, build_cache
 from motionkit.datasets import cache as stores
 

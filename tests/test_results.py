@@ -1,5 +1,6 @@
 """results/*.json: their form, figures that agree with their targets, nothing about a machine's folders."""
 
+import importlib
 import json
 import re
 from pathlib import Path
@@ -8,125 +9,85 @@ import pytest
 
 import motionkit as mk
 from check_notebooks import MACHINE_PATH
+from motionkit.benchmarks import entries
+from motionkit.benchmarks.__main__ import ABOUT_RUN, NAMES
 
-ROOT = Path(__file__).resolve().parent.parent
-TARGETS = {
-    "io": {
-        "bvh_read_mb_per_s": 40,
-        "bvh_read_times_pymotion": 3,
-        "fk_frames_per_s": 1_000_000,
-        "fk_times_pymotion": 2.46,
-        "import_seconds": 0.3,
-        "all_clips_seconds": 12,
-        "all_clips_peak_gb": 1.5,
-        "cached_load_seconds": 1,
-    },
-    "arena-baselines": {
-        "measuring_seconds": 120,
-        "measuring_peak_gb": 2,
-        "small_seconds": 60,
-        "bandai_transfers": 3780,
-    },
-    "actor": {
-        "making_frames_per_s": 3000,
-        "dataset_seconds": 90,
-        "dataset_peak_gb": 1,
-        "corpus_batches_per_s": 200,
-        "foot_sliding_mm": 1,
-        "penetration_mm": 5,
-        "bone_error_mm": 0.01,
-        "frames_beyond_limits": 0,
-        "acceleration_ratio": 1.5,
-        "like_walk": 80,
-        "like_run": 80,
-        "style_accuracy": 97,
-        "content_accuracy": 98,
-        "single_frame_proud_strutting": 60,
-        "single_frame_depressed_tired": 60,
-    },
-    "few-shot": {"bandai_cra": 93.41, "bandai_sra": 60.11, "sra_without_semantic_ratio": 0.5},
-    "few-shot-why": {"ae_cra_ratio": 0.5, "ae_sra_ratio": 0.5, "sra_ratio": 0.5},
-    "few-shot-held-back": {
-        "learn_in_space_seconds": 180,
-        "learn_seconds": 180,
-        "restyle_seconds": 0.3,
-        "style_file_mb": 1,
-        "paper_size_seconds": 0.4,
-        "held_back_error_knn_ratio": 0.7,
-        "held_back_error_statistics_ratio": 0.7,
-        "held_back_cra_over_best": 1,
-        "held_back_sra_over_best": 1,
-    },
-    "style-erd": {
-        "network_ms": 0.2,
-        "whole_ms": 0.4,
-        "frames_per_s": 30_000,
-        "late_over_early_ratio": 1.1,
-        "off_from_eager_ratio": 1e-5,
-        "first_frame_error_ratio": 1.5,
-        "switch_jerk_ratio": 1,
-        "training_seconds": 5400,
-        "fmd_over_best_ratio": 1,
-        "fmd_ae_over_best_ratio": 1,
-        "truth_error_over_best_ratio": 1,
-        "cra_over_best_share": 1,
-        "sra_over_best_share": 1,
-    },
-    "style-erd-captures": {
-        "fmd_over_best_ratio": 1,
-        "fmd_ae_over_best_ratio": 1,
-        "cra_over_best_share": 1,
-        "sra_over_best_share": 1,
-    },
-    "diffusion": {
-        "paper_call_ms": 52,
-        "paper_ddim20_seconds": 1.0,
-        "laptop_ddim20_seconds": 0.15,
-        "dpm_solver_10_over_ddim_50_fmd_ratio": 1.05,
-        "actor_content": 95,
-        "actor_style": 90,
-        "actor_r1": 70,
-        "actor_training_seconds": 5400,
-    },
+FOLDER = Path(__file__).resolve().parent.parent / "results"
+ENTRIES = {
+    name.replace("_", "-"): entries(importlib.import_module(f"motionkit.benchmarks.{name}").__name__) for name in NAMES
 }
-COMMANDS = {"arena-baselines": "make bench-arena"}  # where it is not `make bench-SUBJECT`
-LESS = ("_seconds", "_ms", "_gb", "_mb", "_mm", "_ratio", "_limits")  # endings of figures that should be small
-CASES = [(subject, name) for subject, names in TARGETS.items() for name in names]
+FIGURES = [(name, entry) for name, listed in ENTRIES.items() for entry in listed if entry.kind == "figures"]
 
 
-def result(subject: str) -> dict:
-    return json.loads((ROOT / "results" / f"{subject}.json").read_text())
+@pytest.mark.parametrize("name", ENTRIES)
+def test_form(name):
+    text = (FOLDER / f"{name}.json").read_text()
+    assert not re.search(MACHINE_PATH, text)
+    results = json.loads(text)
+    assert set(results) - {"other_runs"} == {*ABOUT_RUN, "figures", "tables"}
+    for run in (results, *results.get("other_runs", [])):
+        assert run["command"].startswith("make bench") and run["seconds"] >= 0 and run["seed"] == 0
+        assert re.fullmatch(r"[0-9a-f]{7,40}(-dirty)?", run["commit"]) and "cores" in run["hardware"]
+    for kind in ("figures", "tables"):
+        assert set(results[kind]) == {entry.name for entry in ENTRIES[name] if entry.kind == kind}
+    measured_elsewhere = [entry for run in results.get("other_runs", []) for entry in run["entries"]]
+    assert len(set(measured_elsewhere)) == len(measured_elsewhere)
+    assert set(measured_elsewhere) <= {*results["figures"], *results["tables"]}
 
 
-@pytest.mark.parametrize("subject", TARGETS)
-def test_form(subject):
-    found = result(subject)
-    assert set(found) - {"tables"} == {"command", "commit", "hardware", "seed", "seconds", "figures"}
-    assert found["command"] == COMMANDS.get(subject, f"make bench-{subject}") and found["seconds"] > 0
-    assert re.fullmatch(r"[0-9a-f]{7,40}(-dirty)?", found["commit"]) and "cores" in found["hardware"]
-    assert not re.search(MACHINE_PATH, json.dumps(found))
-    assert set(found["figures"]) == set(TARGETS[subject])
+@pytest.mark.parametrize("name, entry", FIGURES, ids=[f"{name}-{entry.name}" for name, entry in FIGURES])
+def test_figures_agree_with_their_targets(name, entry):
+    line = mk.results(name).figures[entry.name]
+    assert set(line) == {"value", "target", "met", "unit", "note"} and line["value"] >= 0
+    again = entry.to_json((line["value"], line["note"]))
+    assert again == line
 
 
-@pytest.mark.parametrize("subject, name", CASES)
-def test_figures_agree_with_their_targets(subject, name):
-    line = result(subject)["figures"][name]
-    assert set(line) == {"value", "target", "met", "unit", "note"}
-    assert line["target"] == TARGETS[subject][name] and line["value"] >= 0
-    less = name.endswith(LESS) or name.startswith("single_frame")
-    assert line["met"] is (line["value"] <= line["target"] if less else line["value"] >= line["target"])
+@pytest.mark.parametrize("name", ENTRIES)
+def test_every_row_names_its_method_and_dataset(name):
+    rows = [row for table in mk.results(name).tables.values() for row in table]
+    known = {*mk.datasets.names(), "noise"}
+    assert all(row["method"] and row["dataset"] in known for row in rows)
+    shares = [row[label] for row in rows for label in ("cra", "sra") if row.get(label) is not None]
+    assert not shares or max(shares) > 1.5  # per cent
 
 
 def test_every_results_file_is_known():
-    assert {path.stem for path in (ROOT / "results").glob("*.json")} == set(TARGETS)
+    assert {path.stem for path in FOLDER.glob("*.json")} == set(ENTRIES)
+
+
+def test_results_in_a_cell():
+    results = mk.results("few-shot")
+    assert results.figure("bandai_cra") == results.figures["bandai_cra"]["value"] == 89.9
+    assert results.run_of("bandai_cra") is results.run and results.run_of("held_back")["seconds"] == 2116.7
+    assert repr(results) == f"Results('few-shot', measured at {results.run['commit']}, 15 figures, 6 tables)"
+    page = results._repr_html_()
+    assert "<td>bandai_cra</td><td>89.9 %</td><td>✗ 93.41 %</td>" in page and "table_3_actor_prior" in page
+
+
+def test_what_was_not_measured(tmp_path):
+    with pytest.raises(mk.MotionKitError, match=r"no results 'few_shot' in .*; there are: actor, .*few-shot"):
+        mk.results("few_shot")
+    with pytest.raises(mk.MotionKitError, match="have no figure 'speed'; they have bvh_read_mb_per_s"):
+        mk.results("io").figure("speed")
+    with pytest.raises(mk.MotionKitError, match="have no table 'speed'; they have none"):
+        mk.results("io").table("speed")
+    with pytest.raises(mk.MotionKitError, match="have no figure or table 'speed'"):
+        mk.results("io").run_of("speed")
+    with pytest.raises(mk.MotionKitError, match="there are: none. They come with the repository"):
+        mk.results("io", tmp_path)
+    for text in ("{", "[]", "{}"):
+        (tmp_path / "io.json").write_text(text)
+        with pytest.raises(mk.MotionKitError, match=r"io.json: not the results of a benchmark"):
+            mk.results("io", tmp_path)
 
 
 def test_the_arena_tables_hold_every_method_on_the_whole_protocol():
-    tables = result("arena-baselines")["tables"]
+    tables = mk.results("arena").tables
     counts = {"actor": 7392, "bandai-2": 3780}
     for data, count in counts.items():
         rows = {row["method"]: row for row in tables[data]}
-        assert set(rows) == {*mk.methods.BASELINES, "real"}
+        assert set(rows) == {*mk.methods.BASELINES, "real"} and {row["dataset"] for row in tables[data]} == {data}
         assert all(row["transfers"] == count for name, row in rows.items() if name != "real")
         assert rows["copy-content"]["cra"] > 95 and rows["copy-content"]["sra"] < 5
         assert rows["copy-style"]["sra"] > 95 and rows["copy-style"]["cra"] < 5
@@ -134,7 +95,7 @@ def test_the_arena_tables_hold_every_method_on_the_whole_protocol():
 
 
 def test_the_diffusion_tables_hold_both_datasets_and_every_sampler():
-    tables = result("diffusion")["tables"]
+    tables = mk.results("diffusion").tables
     rows = {row["dataset"]: row for row in tables["quality"]}
     assert set(rows) == {"actor", "bandai-2"} and all(row["fmd_real"] < row["fmd"] for row in rows.values())
     assert {row["sampler"] for row in tables["samplers"]} == {"ddpm", "ddim", "dpm_solver"}
@@ -144,21 +105,20 @@ def test_the_diffusion_tables_hold_both_datasets_and_every_sampler():
 
 
 def test_the_few_shot_tables_have_all_rows_of_the_paper():
-    tables = result("few-shot")["tables"]
+    tables = mk.results("few-shot").tables
     rows = {row["method"]: row for row in tables["table_3"]}
     assert set(rows) == {*mk.methods.few_shot.ABLATIONS, "statistics", "real"}
     assert [row["method"] for row in tables["table_2"]] == ["few-shot", "KNN + DTW"]
     assert [row["g"] for row in tables["figure_8_g"]] == [700, 800, 900, 950, 1000]
     assert len(tables["figure_8_k"]) == 5
-    why = [row["method"] for row in result("few-shot-why")["tables"]["table_3"]]
-    assert why == ["ours", "without L_s", "with AE", "real"]
-    held = {row["method"]: row for row in result("few-shot-held-back")["tables"]["held_back"]}
-    assert set(held) == {"few-shot", "few-shot, adapter", "told the numbers", *mk.methods.BASELINES, "real"}
-    assert held["told the numbers"]["truth_error"] < held["few-shot"]["truth_error"]  # the bound is one
+    assert [row["method"] for row in tables["table_3_actor_prior"]] == ["ours", "without L_s", "with AE", "real"]
+    held_back = {row["method"]: row for row in tables["held_back"]}
+    assert set(held_back) == {"few-shot", "few-shot, adapter", "told the numbers", *mk.methods.BASELINES, "real"}
+    assert held_back["told the numbers"]["truth_error"] < held_back["few-shot"]["truth_error"]  # the bound is one
 
 
 def test_the_style_erd_tables_have_all_rows_of_the_paper():
-    tables = result("style-erd")["tables"]
+    tables = mk.results("style-erd").tables
     rows = {row["method"]: row for row in tables["table_1"]}
     assert set(rows) == {*mk.methods.style_erd.ABLATIONS, "real"} and rows["ours"]["transfers"] == 252
     beside = {row["method"]: row for row in tables["actor"]}

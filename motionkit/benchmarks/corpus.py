@@ -1,23 +1,20 @@
-"""Measure reading windows from a corpus of a million frames: batches a second, and the memory they take.
+"""Reading windows from a corpus of a million frames: batches a second, and the memory they take.
 
-    python tools/bench_corpus.py [FRAMES]        (needs 0.7 GB of disk for a moment)
-
-`corpus_speed` returns the figures, for other benchmarks to write into their results.
+`benchmarks.actor` writes the speed into its results; a million frames take 0.7 GB of disk for a moment.
 """
 
 from __future__ import annotations
 
-import sys
-import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import torch
 
-import motionkit as mk
-from motionkit.datasets import Item, Labels, Recording
-from motionkit.skeleton import smpl
+from .. import datasets
+from ..datasets import Item, Labels, Recording
+from ..motion import Motion
+from ..skeleton import smpl
 
 CLIP, WINDOW, BATCH, WARM, BATCHES = 1000, 64, 64, 20, 600
 
@@ -38,11 +35,11 @@ class Noise:
         """The clip, with contacts, so that none are looked for."""
         generator = torch.Generator().manual_seed(self.seed)
         skeleton = smpl()
-        turns = torch.randn(self.frames, len(skeleton), 4, generator=generator)
-        turns = torch.nn.functional.normalize(turns, dim=-1)
+        rotations = torch.randn(self.frames, len(skeleton), 4, generator=generator)
+        rotations = torch.nn.functional.normalize(rotations, dim=-1)
         path = torch.randn(self.frames, 3, generator=generator).cumsum(0)
-        stands = torch.rand(self.frames, 4, generator=generator) > 0.5
-        return Recording(mk.Motion.from_root(skeleton, turns, path, 30.0), {"contacts": stands})
+        contacts = torch.rand(self.frames, 4, generator=generator) > 0.5
+        return Recording(Motion.from_root(skeleton, rotations, path, 30.0), {"contacts": contacts})
 
 
 def private_mb() -> float:
@@ -57,23 +54,19 @@ def private_mb() -> float:
 def corpus_speed(folder: str | Path, frames: int = 1_000_000, batches: int = BATCHES) -> dict[str, float]:
     """Make a corpus of `frames` frames in `folder`, read it in batches of 64 windows of 64 frames.
 
-    Returns batches_per_s, memory_growth_mb (private memory at the end over that after the first 20 batches), frames,
-    corpus_mb and making_frames_per_s.
+    Returns batches_per_s, memory_growth_mb (private memory at the end over that after the first 20 batches) and frames.
     """
     items = [Item(f"clip_{n:06d}", Labels("walk", f"style {n % 8}", ()), Noise(n)) for n in range(frames // CLIP)]
-    start = time.perf_counter()
-    corpus = mk.datasets.build_cache(items, folder)
-    making = time.perf_counter() - start
-    windows = corpus.windows(WINDOW, stride=WINDOW // 4)
-    loader = mk.datasets.batches(windows, BATCH, balanced="style")
-    read, total, memory = 0, 0.0, 0.0
-    while read < WARM + batches:
+    corpus = datasets.build_cache(items, folder)
+    loader = datasets.batches(corpus.windows(WINDOW, stride=WINDOW // 4), BATCH, balanced="style")
+    start, batches_read, total, memory = 0.0, 0, 0.0, 0.0
+    while batches_read < WARM + batches:
         for batch in loader:
-            if read == WARM:
+            if batches_read == WARM:
                 start, memory = time.perf_counter(), private_mb()
             total += float(batch["rotations"][0, 0, 0, 0])
-            read += 1
-            if read == WARM + batches:
+            batches_read += 1
+            if batches_read == WARM + batches:
                 break
     seconds = time.perf_counter() - start
     assert total == total, "a number that was read is not finite"
@@ -81,13 +74,4 @@ def corpus_speed(folder: str | Path, frames: int = 1_000_000, batches: int = BAT
         "batches_per_s": batches / seconds,
         "memory_growth_mb": private_mb() - memory,
         "frames": float(int(corpus.store.frames.sum())),
-        "corpus_mb": sum(path.stat().st_size for path in Path(folder).iterdir()) / 1e6,
-        "making_frames_per_s": len(items) * CLIP / making,
     }
-
-
-if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as place:
-        found = corpus_speed(place, int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000)
-    for name, value in found.items():
-        print(f"{name:20} {value:,.1f}")
