@@ -396,7 +396,7 @@ def _loss(frames: FeatureCache, classes: Tensor, window: int) -> Callable[[nn.Mo
         groups = [group for group in members[length] if len(group)]
         chosen = torch.arange(BATCH) % len(groups)
         clips = torch.stack([groups[g][int(torch.rand(()) * len(groups[g]))] for g in chosen.tolist()])
-        x = frames.draw(clips, min(length, int(frames.lengths.max())))
+        x = frames.sample(clips, min(length, int(frames.lengths.max())))
         here = device_of(network)
         return nn.functional.cross_entropy(network(x.permute(0, 3, 1, 2).to(here)), classes[clips].to(here))
 
@@ -420,14 +420,14 @@ def train_autoencoder(data: Dataset | Split, schedule: TrainConfig | None = None
 
     def loss_fn(model: nn.Module, step: int) -> Tensor:
         clips = enough[torch.randint(len(enough), (BATCH,))]
-        return denoising_loss(model, frames.draw(clips, min(WINDOW, int(frames.lengths.max()))).to(device_of(model)))
+        return denoising_loss(model, frames.sample(clips, min(WINDOW, int(frames.lengths.max()))).to(device_of(model)))
 
     run = fit(network, loss_fn, schedule, **running)
     unseen = FeatureCache(split.test, encoder)
     there = torch.nonzero(unseen.lengths >= WINDOW)[:, 0]
     with torch.no_grad():
         torch.manual_seed(schedule.seed)
-        turns = unseen.draw(there, WINDOW)
+        turns = unseen.sample(there, WINDOW)
         found = {"test_degrees": denoising_loss(network, turns), "noise_degrees": denoising_loss(nn.Identity(), turns)}
     metrics = {name: round(float(value.rad2deg()), 3) for name, value in found.items()}
     encoder.card = {**training_card(split.train, schedule, run, network), "metrics": metrics}

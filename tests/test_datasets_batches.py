@@ -66,8 +66,8 @@ def test_windows_are_where_they_should_be(frames, length, stride, short):
             ds.windows(length, stride, short)
         return
     windows = ds.windows(length, stride, short)
-    assert [(w.clip.number, w.start) for w in windows] == expected and len(windows) == len(expected)
-    assert windows.clip_numbers().tolist() == [clip for clip, _ in expected]
+    assert [(w.clip.index, w.start) for w in windows] == expected and len(windows) == len(expected)
+    assert windows.clip_indices().tolist() == [clip for clip, _ in expected]
 
 
 def test_a_window_is_a_piece_of_its_clip(walks, monkeypatch):
@@ -76,10 +76,10 @@ def test_a_window_is_a_piece_of_its_clip(walks, monkeypatch):
     windows = walks.windows(60, stride=30)
     assert [w.name for w in windows][:4] == ["clip_000[0:60]", "clip_002[0:60]", "clip_003[0:60]", "clip_004[0:60]"]
     for w in windows:
-        motion, piece = w.motion, whole[w.clip.number].motion[w.start : w.start + 60]
+        motion, piece = w.motion, whole[w.clip.index].motion[w.start : w.start + 60]
         assert torch.equal(motion.rotations, piece.rotations) and torch.equal(motion.translations, piece.translations)
         assert (motion.fps, motion.name, len(w), w.valid.all()) == (30.0, w.name, 60, True)
-        assert torch.equal(w.contacts, whole[w.clip.number].tracks["contacts"][w.start : w.start + 60].bool())
+        assert torch.equal(w.contacts, whole[w.clip.index].tracks["contacts"][w.start : w.start + 60].bool())
     last = windows[-1]
     assert (last.content, last.style, last.text, last.start) == ("walk", "proud", "clip 4", 60)
     assert last.motion.skeleton is windows[0].motion.skeleton is walks.skeleton
@@ -144,14 +144,14 @@ def test_whole_clips_are_padded_to_the_longest(walks):
 
 @pytest.mark.parametrize("layout", [mk.features.FacingFree, mk.features.Graph])
 def test_features_are_cut_from_those_of_the_whole_clip(walks, layout, monkeypatch):
-    encoded = {clip.number: layout().encode(clip.motion) for clip in walks if len(clip)}
+    encoded = {clip.index: layout().encode(clip.motion) for clip in walks if len(clip)}
     loader = batches(walks.windows(40, short="pad"), 3, features=layout())
     windows = {w.name: w for w in loader.dataset}
     for epoch in range(2):
         for batch in loader:
             for x, mask, name in zip(batch.features, batch.mask, batch.names):
                 w = windows[name]
-                expected = encoded[w.clip.number][w.start : w.start + w.frames]
+                expected = encoded[w.clip.index][w.start : w.start + w.frames]
                 assert torch.equal(x[mask], expected) and torch.equal(x[~mask], expected[-1:].expand_as(x[~mask]))
         if not epoch:
             monkeypatch.setattr(layout, "encode", lambda *_: pytest.fail("a clip was encoded again"))

@@ -57,7 +57,7 @@ def test_clips_and_windows_are_the_same_over_many_shards(tmp_path):
     again.check()
     assert repr(again) == "Corpus('folder', 11 clips, 1 contents, 3 styles)"
     for window in again.windows(3):
-        whole = items[window.clip.number].source.read().motion
+        whole = items[window.clip.index].source.read().motion
         assert torch.equal(window.motion.rotations, whole.rotations[window.start : window.start + 3])
     train = again.split("performer", (0.5, 0.0, 0.5)).train
     batch = next(iter(mk.datasets.batches(train.windows(5, short="pad"), 100)))

@@ -70,10 +70,10 @@ def test_no_take_is_ever_in_two_parts(rows, by, shares):
     except mk.MotionKitError as error:
         assert "share no take; found" in str(error) or "tie all" in str(error)
         return
-    assert sorted(n for part in parts for n in part.numbers) == list(range(len(labels)))
+    assert sorted(n for part in parts for n in part.indices) == list(range(len(labels)))
     assert [len(part) > 0 for part in parts] == [share > 0 for share in shares]
     for label in ("take", by):
-        held = [{getattr(labels[n], label) for n in part.numbers} for part in parts]
+        held = [{getattr(labels[n], label) for n in part.indices} for part in parts]
         assert not (held[0] & held[1] or held[0] & held[2] or held[1] & held[2])
 
 
@@ -186,12 +186,12 @@ class Given:
 
 
 def test_given_contacts_and_twins_are_kept():
-    skeleton = Skeleton(("a", "b", "c"), (-1, 0, 0), chain(3).offsets, twins=(0, 2, 1))
+    skeleton = Skeleton(("a", "b", "c"), (-1, 0, 0), chain(3).offsets, mirror_joints=(0, 2, 1))
     turns = torch.tensor([1.0, 0, 0, 0]).expand(4, 3, 4)
     motion = mk.Motion.from_root(skeleton, turns, torch.zeros(4, 3), 25.0)
     stands = torch.rand(4, 6) > 0.5
     ds = from_items("mine", [Item("a", Labels("walk", "old", ()), Given(Recording(motion, {"contacts": stands})))])
-    assert torch.equal(ds[0].contacts, stands) and ds[0].motion.skeleton.twins == (0, 2, 1)
+    assert torch.equal(ds[0].contacts, stands) and ds[0].motion.skeleton.mirror_joints == (0, 2, 1)
     wrong = Given(Recording(motion, {"phase": torch.zeros(3, 1)}))
     with pytest.raises(mk.MotionKitError, match=r"clip 'b': expected track 'phase' as \[4, K\].* found \[3, 1\]"):
         from_items("mine", [Item("b", Labels("walk", "old", ()), wrong)])

@@ -44,8 +44,8 @@ class FeatureCache:
     def __init__(self, dataset: Dataset, layout: Encoder) -> None:
         self.dataset, self.layout = dataset, layout
         self.shape: tuple[int, ...] = ()  # of a frame's features, once one clip is encoded
-        ends = np.cumsum([0, *dataset.store.frames[list(dataset.numbers)].tolist()])
-        self._starts = dict(zip(dataset.numbers, ends.tolist()))
+        ends = np.cumsum([0, *dataset.store.frames[list(dataset.indices)].tolist()])
+        self._starts = dict(zip(dataset.indices, ends.tolist()))
         self._frames, self._done, self._kept = int(ends[-1]), set(), None
 
     def __getstate__(self) -> dict:
@@ -72,9 +72,9 @@ class FeatureCache:
     @property
     def lengths(self) -> Tensor:
         """Frames of each clip, long [C]."""
-        return torch.from_numpy(self.dataset.store.frames[list(self.dataset.numbers)].astype(np.int64))
+        return torch.from_numpy(self.dataset.store.frames[list(self.dataset.indices)].astype(np.int64))
 
-    def draw(self, clips: Sequence[int] | Tensor, length: int) -> Tensor:
+    def sample(self, clips: Sequence[int] | Tensor, length: int) -> Tensor:
         """A window [len(clips), length, ...] from a random place of each of these clips, by torch's random numbers.
 
         clips: places in the dataset. Raises MotionKitError for a clip that has fewer frames.
@@ -85,15 +85,15 @@ class FeatureCache:
             short = self.dataset[int(clips[int((room < 1).nonzero()[0])])]
             raise MotionKitError(f"a window of {length} frames does not fit into {short}; leave short clips out")
         starts = (torch.rand(len(clips)) * room).long().tolist()
-        numbers = [self.dataset.numbers[n] for n in clips.tolist()]
+        numbers = [self.dataset.indices[n] for n in clips.tolist()]
         return gather(self, numbers, starts, [length] * len(numbers), length)
 
-    def draw_masked(self, clips: Sequence[int] | Tensor, length: int) -> tuple[Tensor, Tensor]:
-        """As `draw`, but short clips come whole, go on in their last row, and a mask, bool [B, length], says so."""
+    def sample_padded(self, clips: Sequence[int] | Tensor, length: int) -> tuple[Tensor, Tensor]:
+        """As `sample`, but short clips come whole, go on in their last row, and a mask, bool [B, length], says so."""
         clips = torch.as_tensor(clips)
         own = self.lengths[clips].clamp(max=length)
         starts = (torch.rand(len(clips)) * (self.lengths[clips] - own + 1)).long().tolist()
-        numbers = [self.dataset.numbers[n] for n in clips.tolist()]
+        numbers = [self.dataset.indices[n] for n in clips.tolist()]
         return gather(self, numbers, starts, own.tolist(), length), torch.arange(length) < own[:, None]
 
 
@@ -156,7 +156,7 @@ def collate(samples: Sequence[Window | Clip], features: Layout | FeatureCache | 
     if not samples:
         raise MotionKitError("no samples to put together; give some windows or clips of a dataset")
     clips = [getattr(sample, "clip", sample) for sample in samples]
-    dataset, numbers = clips[0].dataset, [clip.number for clip in clips]
+    dataset, numbers = clips[0].dataset, [clip.index for clip in clips]
     if any(clip.dataset.store is not dataset.store for clip in clips):
         raise MotionKitError("the samples of a batch must come from one dataset; batch each dataset by itself")
     check_alike(dataset.store, numbers, "batch")
@@ -232,9 +232,9 @@ class BalancedSampler(Sampler[int]):
 def _clips_of(source: Windows | Dataset) -> tuple[Dataset, Tensor]:
     """The dataset, and the stored clip of each sample, long [N]."""
     if isinstance(source, Windows):
-        return source.dataset, source.clip_numbers()
+        return source.dataset, source.clip_indices()
     if isinstance(source, Dataset):
-        return source, torch.tensor(source.numbers, dtype=torch.long)
+        return source, torch.tensor(source.indices, dtype=torch.long)
     raise MotionKitError(f"batches are made of a dataset or of its windows(...); found {type(source).__name__}")
 
 
@@ -286,7 +286,7 @@ def fit_normalizer(data: Dataset) -> tuple[FeatureCache, Normalizer]:
     """
     layout = OfBody()
     encoded = FeatureCache(data, layout)
-    rows = [torch.from_numpy(encoded.rows(n, 0, int(data.store.frames[n]))) for n in data.numbers]
+    rows = [torch.from_numpy(encoded.rows(n, 0, int(data.store.frames[n]))) for n in data.indices]
     found = Normalizer.fit(rows, "FacingFree")
     std = torch.cat(rows).std(0, correction=0)
     parts = {**layout.slices, "turn": slice(0, 1), "speed": slice(1, 3), "height": slice(3, 4)}

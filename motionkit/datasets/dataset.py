@@ -19,25 +19,25 @@ from ..motion import Motion
 from ..skeleton import Skeleton
 from .cache import Store
 from .sources import Labels, Recording
-from .splits import split_numbers
+from .splits import split_indices
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """One clip of a dataset: its labels, and its motion, which is read on first use."""
+    """One clip of a dataset: its labels, and its motion, which is read on first use. index: among the stored clips."""
 
     dataset: Dataset
-    number: int
+    index: int
 
     @property
     def name(self) -> str:
         """The clip's name."""
-        return self.dataset.store.clips[self.number].name
+        return self.dataset.store.clips[self.index].name
 
     @property
     def labels(self) -> Labels:
         """All labels together."""
-        return self.dataset.labels[self.number]
+        return self.dataset.labels[self.index]
 
     @property
     def content(self) -> str:
@@ -77,7 +77,7 @@ class Clip:
     @cached_property
     def recording(self) -> Recording:
         """Motion and tracks as stored; MotionKitError if the cache has been damaged since it was written."""
-        return self.dataset.store.recording(self.number)
+        return self.dataset.store.recording(self.index)
 
     @property
     def motion(self) -> Motion:
@@ -101,7 +101,7 @@ class Clip:
         return 0
 
     def __len__(self) -> int:
-        return self.dataset.store.clips[self.number].frames
+        return self.dataset.store.clips[self.index].frames
 
     def __repr__(self) -> str:
         return f"Clip({self.name!r}, {len(self)} frames, content {self.content!r}, style {self.style!r})"
@@ -119,6 +119,8 @@ class Split(NamedTuple):
 class Dataset:
     """Clips in the order of their names; `ds[0]` is a `Clip`, `ds[:10]` and `ds.filter(style="old")` datasets.
 
+    labels: of all stored clips. indices: which of the stored clips are in this dataset; all where left out.
+
     >>> from motionkit.datasets import BvhSource, Item, Labels, from_items
     >>> walks = {style: BvhSource.at(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old")}
     >>> ds = from_items("walks", [Item(s, Labels("walk", s, ()), walk) for s, walk in walks.items()])
@@ -131,12 +133,11 @@ class Dataset:
     name: str
     store: Store
     labels: tuple[Labels, ...]
-    chosen: tuple[int, ...] | None = None
+    indices: tuple[int, ...] | None = None
 
-    @cached_property
-    def numbers(self) -> tuple[int, ...]:
-        """Which of the stored clips are in this dataset."""
-        return tuple(range(len(self.labels))) if self.chosen is None else self.chosen
+    def __post_init__(self) -> None:
+        if self.indices is None:
+            object.__setattr__(self, "indices", tuple(range(len(self.labels))))
 
     @cached_property
     def contents(self) -> tuple[str, ...]:
@@ -154,7 +155,7 @@ class Dataset:
         return self._values("performer")
 
     def _values(self, label: str) -> tuple[str, ...]:
-        return tuple(sorted({getattr(self.labels[n], label) for n in self.numbers}))
+        return tuple(sorted({getattr(self.labels[n], label) for n in self.indices}))
 
     @cached_property
     def vocabulary(self) -> dict[str, tuple[str, ...]]:
@@ -179,11 +180,11 @@ class Dataset:
 
         Raises MotionKitError naming two clips that differ. Bone lengths may differ: they are in the translations.
         """
-        check_alike(self.store, self.numbers, f"dataset {self.name!r}")
-        return self.store.skeleton(self.numbers[0])
+        check_alike(self.store, self.indices, f"dataset {self.name!r}")
+        return self.store.skeleton(self.indices[0])
 
     def __len__(self) -> int:
-        return len(self.numbers)
+        return len(self.indices)
 
     def __repr__(self) -> str:
         found = f"{len(self.contents)} contents, {len(self.styles)} styles"
@@ -194,10 +195,11 @@ class Dataset:
     @overload
     def __getitem__(self, number: slice) -> Dataset: ...
     def __getitem__(self, number):
-        return self._some(self.numbers[number]) if isinstance(number, slice) else Clip(self, self.numbers[number])
+        return self.subset(self.indices[number]) if isinstance(number, slice) else Clip(self, self.indices[number])
 
-    def _some(self, numbers: Collection[int]) -> Dataset:
-        return Dataset(self.name, self.store, self.labels, tuple(numbers))
+    def subset(self, indices: Collection[int]) -> Dataset:
+        """The clips of these stored indices; see `indices`."""
+        return Dataset(self.name, self.store, self.labels, tuple(indices))
 
     def __iter__(self) -> Iterator[Clip]:
         return (self[n] for n in range(len(self)))
@@ -213,12 +215,12 @@ class Dataset:
 
         Raises MotionKitError for a label that does not occur.
         """
-        numbers = self.numbers
+        indices = self.indices
         for label, asked in (("content", content), ("style", style), ("performer", performer), ("split", split)):
             if asked is not None:
                 wanted = _wanted(label, asked, self._values(label))
-                numbers = tuple(n for n in numbers if getattr(self.labels[n], label) in wanted)
-        return self._some(numbers)
+                indices = tuple(n for n in indices if getattr(self.labels[n], label) in wanted)
+        return self.subset(indices)
 
     def split(self, by: str | None = None, shares: tuple[float, float, float] | None = None, seed: int = 0) -> Split:
         """Three datasets, `train`, `validation` and `test`, no take in two of them.
@@ -229,7 +231,7 @@ class Dataset:
         takes, performers, ...; they add up to 1 (0.8, 0.1 and 0.1 if left out). seed: another one gives another split,
         the same on every machine. Raises MotionKitError where it cannot be done, and says why.
         """
-        return Split(*map(self._some, split_numbers(self, by, shares, seed)))
+        return Split(*map(self.subset, split_indices(self, by, shares, seed)))
 
     def windows(self, length: int, stride: int | None = None, short: str = "skip") -> Windows:
         """Pieces of `length` frames, one every `stride` frames (left out: end to end); see `Windows`.
@@ -250,8 +252,8 @@ class Dataset:
 
     def check(self) -> None:
         """Read every clip once; MotionKitError names the first whose numbers are not those that were written."""
-        for number in self.numbers:
-            self.store.check(number)
+        for index in self.indices:
+            self.store.check(index)
 
 
 def check_alike(store: Store, numbers: Collection[int], where: str) -> None:
@@ -335,7 +337,7 @@ def count_table(dataset: Dataset) -> Table:
     if len(across[1]) > max(len(down[1]), 12):
         down, across = across, down
     counts = Counter(
-        (getattr(dataset.labels[n], down[0]), getattr(dataset.labels[n], across[0])) for n in dataset.numbers
+        (getattr(dataset.labels[n], down[0]), getattr(dataset.labels[n], across[0])) for n in dataset.indices
     )
     rows = [(d, *(counts[d, a] for a in across[1])) for d in down[1]]
     rows = [(*row, sum(row[1:])) for row in rows]
@@ -347,7 +349,7 @@ def caption_table(dataset: Dataset) -> Table:
     """Every sentence of every clip."""
     rows = (
         (dataset.store.clips[n].name, label.content, label.style, text)
-        for n, label in ((n, dataset.labels[n]) for n in dataset.numbers)
+        for n, label in ((n, dataset.labels[n]) for n in dataset.indices)
         for text in label.texts
     )
     return Table(("clip", "content", "style", "text"), tuple(rows))
@@ -397,7 +399,7 @@ class Window:
     @cached_property
     def recording(self) -> Recording:
         """Motion and tracks of these frames, padded; nothing else of the clip is read."""
-        found = self.clip.dataset.store.recording(self.clip.number, self.start, self.start + self.frames)
+        found = self.clip.dataset.store.recording(self.clip.index, self.start, self.start + self.frames)
         if self.frames < self.length:
             at = torch.arange(self.length).clamp(max=self.frames - 1)
             motion = found.motion
@@ -462,7 +464,7 @@ class Windows(Sequence):
 
     @cached_property
     def _numbers(self) -> np.ndarray:
-        return np.array(self.dataset.numbers, dtype=np.int64)
+        return np.array(self.dataset.indices, dtype=np.int64)
 
     @cached_property
     def _frames(self) -> np.ndarray:
@@ -506,8 +508,8 @@ class Windows(Sequence):
         """As `Dataset.skeleton`."""
         return self.dataset.skeleton
 
-    def clip_numbers(self) -> Tensor:
-        """For each window the stored number of its clip, long [N]."""
+    def clip_indices(self) -> Tensor:
+        """For each window the stored index of its clip, long [N]."""
         return torch.from_numpy(np.repeat(self._numbers, self._counts))
 
     def split(self, *_, **__) -> None:

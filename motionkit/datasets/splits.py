@@ -20,17 +20,17 @@ class Labelled(Protocol):
     """What splitting needs of a `Dataset`."""
 
     name: str
-    numbers: Sequence[int]
+    indices: Sequence[int]
     labels: Sequence
     store: object
 
 
-def split_numbers(
+def split_indices(
     dataset: Labelled, by: str | None, shares: Sequence[float] | None, seed: int
 ) -> tuple[list[int], list[int], list[int]]:
-    """Numbers of the clips of train, validation and test, in the dataset's order; see `Dataset.split`."""
+    """Indices of the clips of train, validation and test, in the dataset's order; see `Dataset.split`."""
     if by is None:
-        given = shares is None and dataset.numbers and all(dataset.labels[n].split for n in dataset.numbers)
+        given = shares is None and dataset.indices and all(dataset.labels[n].split for n in dataset.indices)
         by = "given" if given else "take"
     if by not in _KINDS:
         raise MotionKitError(f"a dataset is split by {', '.join(map(repr, _KINDS))}; found by={by!r}")
@@ -43,7 +43,7 @@ def split_numbers(
         groups = _take_groups(dataset, seed) if by == "take" else _label_groups(dataset, by, seed)
         counts = _counts(len(groups), shares, by)
         part_of = {n: part for group, part in zip(groups, _deal(counts)) for n in group}
-    return tuple([n for n in dataset.numbers if part_of[n] == part] for part in range(3))
+    return tuple([n for n in dataset.indices if part_of[n] == part] for part in range(3))
 
 
 def _checked(shares: Sequence[float]) -> tuple[float, ...]:
@@ -63,7 +63,7 @@ def _given(dataset: Labelled) -> dict[int, int]:
     """The makers' part of each clip; MotionKitError where there is none, or a take is in two."""
     names = {"train": 0, "training": 0, "validation": 1, "val": 1, "test": 2}
     found, takes = {}, {}
-    for n in dataset.numbers:
+    for n in dataset.indices:
         name, said = dataset.store.clips[n].name, dataset.labels[n].split
         if said not in names:
             what = f"is in part {said!r}; expected train, validation or test" if said else "is in no part"
@@ -98,21 +98,21 @@ def _grouped(pairs: Iterable[tuple[Hashable, _T]]) -> dict[Hashable, list[_T]]:
 
 def _take_groups(dataset: Labelled, seed: int) -> list[list[int]]:
     """Clips of each take; takes of the same content and style stand together, so that dealing stratifies."""
-    takes = _grouped((_take(dataset, n), n) for n in dataset.numbers)
+    takes = _grouped((_take(dataset, n), n) for n in dataset.indices)
     kinds = _grouped((tuple(sorted({dataset.labels[n][:2] for n in clips})), take) for take, clips in takes.items())
     return [takes[take] for kind in _mixed(seed, kinds) for take in _mixed(seed, kinds[kind])]
 
 
 def _label_groups(dataset: Labelled, by: str, seed: int) -> list[list[int]]:
     """Clips of each performer, content or style; those that a take ties together are one group."""
-    if by == "performer" and not all(dataset.labels[n].performer for n in dataset.numbers):
-        nobody = next(n for n in dataset.numbers if not dataset.labels[n].performer)
+    if by == "performer" and not all(dataset.labels[n].performer for n in dataset.indices):
+        nobody = next(n for n in dataset.indices if not dataset.labels[n].performer)
         raise MotionKitError(
             f"dataset {dataset.name!r} does not say who performs clip {dataset.store.clips[nobody].name!r}; "
             "split by='take'"
         )
     groups: dict[str, set[str]] = {}
-    for values in _grouped((_take(dataset, n), getattr(dataset.labels[n], by)) for n in dataset.numbers).values():
+    for values in _grouped((_take(dataset, n), getattr(dataset.labels[n], by)) for n in dataset.indices).values():
         tied = set(values).union(*(groups.get(v, ()) for v in values))
         groups |= dict.fromkeys(tied, tied)
     if len(groups) > 1 and len(next(iter(groups.values()))) == len(groups):
@@ -120,7 +120,7 @@ def _label_groups(dataset: Labelled, by: str, seed: int) -> list[list[int]]:
             f"dataset {dataset.name!r}: its takes tie all {len(groups)} {by}s together (a take holds several), so "
             f"none can be kept apart; split by='take'"
         )
-    clips = _grouped((min(groups[getattr(dataset.labels[n], by)]), n) for n in dataset.numbers)
+    clips = _grouped((min(groups[getattr(dataset.labels[n], by)]), n) for n in dataset.indices)
     return [clips[first] for first in _mixed(seed, clips)]
 
 

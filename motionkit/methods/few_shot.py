@@ -336,7 +336,7 @@ def with_autoencoder(prior: Prior, library: Dataset, steps: int = _AE_STEPS, see
     network = ConvAutoencoder(prior.layout.size, prior.longest)
 
     def loss_fn(model: nn.Module, step: int) -> Tensor:
-        x = prior.normalizer.normalize(encoded.draw(long[torch.randint(len(long), (_AE_BATCH,))], _AE_FRAMES))
+        x = prior.normalizer.normalize(encoded.sample(long[torch.randint(len(long), (_AE_BATCH,))], _AE_FRAMES))
         return ((model(x) - x) ** 2).mean()
 
     running.setdefault("title", "an autoencoder")

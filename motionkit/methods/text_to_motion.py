@@ -352,7 +352,7 @@ def _prior_loss(
 
     def loss_fn(network: nn.Module, step: int) -> Tensor:
         clips, length = chosen()
-        x, mask = encoded.draw_masked(clips, length)
+        x, mask = encoded.sample_padded(clips, length)
         text = sentences.draw(clips) * (torch.rand(batch, 1) >= drop)
         t = torch.randint(1, noise.steps + 1, (batch,))
         x, mask, text, t = (value.to(device_of(network)) for value in (normalizer.normalize(x), mask, text, t))
@@ -393,7 +393,7 @@ def train_discriminator(
     def loss_fn(model: nn.Module, step: int) -> Tensor:
         clips = torch.randint(len(split.train), (batch,))
         length = int(torch.randint(min(SHORTEST, config.frames) // 4, config.frames // 4 + 1, ())) * 4
-        x, mask = encoded.draw_masked(clips, length)
+        x, mask = encoded.sample_padded(clips, length)
         text, here = sentences.draw(clips), device_of(model)
         everyone = None if mask.all() else mask.to(here)
         return semantic_loss(model(prior.normalizer.normalize(x).to(here), everyone), text.to(here))

@@ -145,7 +145,7 @@ def _loss(train: Dataset, encoded: FeatureCache, normalizer: Normalizer) -> Call
         pairs += [chance.sample(one.texts, 2) for one in others]
         odd = [nonsense(chance) for _ in range(NONSENSE)]
         device = next(towers.parameters()).device
-        motion = normalizer.normalize(encoded.draw(clips, FRAMES)).to(device)
+        motion = normalizer.normalize(encoded.sample(clips, FRAMES)).to(device)
         text, seen = towers([p[0] for p in pairs] + [p[1] for p in pairs] + odd, motion)
         first, rest = text[: len(pairs)], text[len(pairs) :]
         of = [classes[n] for n in clips.tolist()] + [(one.content, one.style) for one in others]
