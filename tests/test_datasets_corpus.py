@@ -20,8 +20,9 @@ from test_bvh import CHAIN
 
 import motionkit as mk
 from bench_corpus import corpus_speed, private_mb
-from motionkit.datasets import Corpus, Item, Labels, build_cache
+from motionkit.datasets import BvhSource, Corpus, Item, Labels, build_cache
 from motionkit.datasets import cache as stores
+from motionkit.datasets.sources import File
 
 
 def listed(count: int, **more) -> list[Item]:
@@ -267,7 +268,8 @@ def test_joblibs_settings_say_who_reads(tmp_path, monkeypatch, backend):
 
 
 def test_large_files_go_out_in_small_batches():
-    items = [Item(f"{n}", Labels("", "", ()), mk.datasets.BvhSource("", None, size, 0)) for n, size in enumerate(SIZES)]
+    sources = [BvhSource(File("", "", None, size, 0)) for size in SIZES]
+    items = [Item(f"{n}", Labels("", "", ()), source) for n, source in enumerate(sources)]
     batches = stores._batches(items)
     assert [[int(name) for name, _ in batch] for batch in batches] == [[0], [1], [2, 3, 4], [5]]
 
