@@ -11,7 +11,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -55,12 +54,8 @@ def reading(root: str, folder: Path) -> dict:
     chosen = items[:: len(items) // CLIPS]
     ours = theirs = size = 0.0
     for item in chosen:
-        path, source = folder / f"{item.name}.bvh", item.source
-        if source.member is None:
-            path.write_bytes(Path(source.path).read_bytes())
-        else:
-            with zipfile.ZipFile(source.path) as archive:
-                path.write_bytes(archive.read(source.member))
+        path = folder / f"{item.name}.bvh"
+        path.write_bytes(item.source.data())
         least = least_seconds(lambda p=path: mk.load(p), lambda p=path: BVH().load(str(p)))
         ours, theirs, size = ours + least[0], theirs + least[1], size + path.stat().st_size / 1e6
     note = f"pymotion {size / theirs:.3g} in the same run; {len(chosen)} clips of {size:.1f} MB in all"
