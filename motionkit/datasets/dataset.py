@@ -19,7 +19,7 @@ from ..motion import Motion
 from ..skeleton import Skeleton
 from .cache import Store
 from .sources import Labels, Recording
-from .splits import split_indices
+from .splits import split_clips
 
 
 class _Labelled:
@@ -234,7 +234,8 @@ class Dataset:
         takes, performers, ...; they add up to 1 (0.8, 0.1 and 0.1 if left out). seed: another one gives another split,
         the same on every machine. Raises MotionKitError where it cannot be done, and says why.
         """
-        return Split(*map(self.subset, split_indices(self, by, shares, seed)))
+        parts = split_clips(list(self), self.name, by, shares, seed)
+        return Split(*(self.subset([n for n, part in zip(self.indices, parts) if part == p]) for p in range(3)))
 
     def windows(self, length: int, stride: int | None = None, short: str = "skip") -> Windows:
         """Pieces of `length` frames, one every `stride` frames (left out: end to end); see `Windows`.
