@@ -14,15 +14,19 @@ from pathlib import Path
 
 import pooch
 import pytest
-from small_files import fails
 from test_bvh import CHAIN
 
+import motionkit as mk
 from motionkit.datasets import captures, download
 
 CLIPS = [f"data/dataset-2_walk_elderly_{take:03d}" for take in range(1, 6)]
 FILES = {f"{clip}.bvh": CHAIN.replace("5 6 7", f"{n} 6 7").encode() for n, clip in enumerate(CLIPS)}
 FILES |= {f"{clip}.json": b'{"content": 0, "style": 1}' for clip in CLIPS}
 FILES |= {"LICENSE": os.urandom(50_000).hex().encode()}
+
+
+def fails(message: str):
+    return pytest.raises(mk.MotionKitError, match=message)
 
 
 def packed(files: dict[str, bytes], prefix: str = "repo-1/dataset/") -> bytes:
