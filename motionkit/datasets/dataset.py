@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -116,7 +116,7 @@ class Split(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Dataset:
+class Dataset(Sequence):
     """Clips in the order of their names; `ds[0]` is a `Clip`, `ds[:10]` and `ds.filter(style="old")` datasets.
 
     labels: of all stored clips. indices: which of the stored clips are in this dataset; all where left out.
@@ -200,9 +200,6 @@ class Dataset:
         """The clips of these stored indices; see `indices`."""
         return Dataset(self.name, self.store, self.labels, tuple(indices))
 
-    def __iter__(self) -> Iterator[Clip]:
-        return (self[n] for n in range(len(self)))
-
     def filter(
         self,
         content: str | Collection[str] | None = None,
@@ -235,7 +232,7 @@ class Dataset:
         the same on every machine. Raises MotionKitError where it cannot be done, and says why.
         """
         parts = split_clips(list(self), self.name, by, shares, seed)
-        return Split(*(self.subset([n for n, part in zip(self.indices, parts) if part == p]) for p in range(3)))
+        return Split(*(self.subset([n for n, part in zip(self.indices, parts) if part == which]) for which in range(3)))
 
     def windows(self, length: int, stride: int | None = None, short: str = "skip") -> Windows:
         """Pieces of `length` frames, one every `stride` frames (left out: end to end); see `Windows`.
@@ -243,7 +240,6 @@ class Dataset:
         short: what becomes of frames that fill no window. `skip` leaves them out; `pad` gives a last window that goes
         on in the last pose, with a mask that says so.
         """
-
         return Windows(self, length, length if stride is None else stride, short)
 
     def table(self) -> Table:
@@ -459,9 +455,6 @@ class Windows(Sequence):
         clip = int(np.searchsorted(self._ends, number, "right"))
         start = (number - int(self._ends[clip] - self._counts[clip])) * self.stride
         return Window(self.dataset[clip], start, self.length)
-
-    def __iter__(self) -> Iterator[Window]:
-        return (self[n] for n in range(len(self)))
 
     @property
     def skeleton(self) -> Skeleton:

@@ -151,7 +151,7 @@ def find(wanted: Wanted, root: str | os.PathLike | None) -> tuple[list[File], li
             continue
         clips = [file for file in files if wanted.clips.fullmatch(file.name)]
         if clips:
-            return clips, [file for file in files if not wanted.clips.fullmatch(file.name)]
+            return clips, sorted(set(files) - set(clips), key=lambda f: f.place)
     raise damage or MotionKitError(f"{place}: no clips of {wanted.name} here ({wanted.shape}); {wanted.how}")
 
 
