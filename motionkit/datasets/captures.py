@@ -251,13 +251,28 @@ _STYLE100_FILES = Wanted(
 )
 
 
+def style100_labels(clip: str, description: str = "") -> Labels:
+    """Content, style and sentences from a clip's name, and what is said of its style; each clip is a take of its own.
+
+    >>> labels = style100_labels("ArmsAboveHead_FW")
+    >>> labels.content, labels.style, labels.texts[0]
+    ('walk', 'arms-above-head', 'a person is walking forward in an arms above head style')
+    """
+    style, gait = clip.rsplit("_", 1)
+    content, doing, again = GAITS[gait]
+    word = "-".join(re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", style)).lower()
+    sentences = capture_captions(doing, again, word)
+    if description:
+        sentences += (f"a person is {doing}: {description}",)
+    return Labels(content, word, sentences, take=clip)
+
+
 def style100_items(name: str = "100style", root: str | os.PathLike | None = None) -> list[Item]:
     """The clips of 100STYLE cut to the frames in style, sorted by name; content walk, run, idle, ..., style a word.
 
     root: a folder with Frame_Cuts.csv and the STYLE_XX.bvh files somewhere below it, or a zip; see `sources.find`.
     Where Dataset_List.csv is there too, its description of the style is in the sentences. A cut that is N/A leaves the
-    clip out. Each clip is a take of its own. Raises MotionKitError where a clip has no
-    line in the table of cuts, or the table cannot be read.
+    clip out. Raises MotionKitError where a clip has no line in the table of cuts, or the table cannot be read.
 
     >>> style100_items(root="data")
     Traceback (most recent call last):
@@ -280,15 +295,9 @@ def style100_items(name: str = "100style", root: str | os.PathLike | None = None
                 f"{file.where}: {tables[_CUTS].where} has no cut for {gait} of {style!r}; take table and files from "
                 "the same release"
             )
-        cut = cuts[style, gait]
-        if cut is None:
-            continue
-        content, doing, again = GAITS[gait]
-        word = "-".join(re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", style)).lower()
-        sentences = capture_captions(doing, again, word)
-        if descriptions.get(style.lower()):
-            sentences += (f"a person is {doing}: {descriptions[style.lower()]}",)
-        items.append(Item(file.stem, Labels(content, word, sentences, take=file.stem), BvhSource(file, *cut)))
+        if cuts[style, gait]:
+            labels = style100_labels(file.stem, descriptions.get(style.lower(), ""))
+            items.append(Item(file.stem, labels, BvhSource(file, *cuts[style, gait])))
     return items
 
 
