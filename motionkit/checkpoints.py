@@ -307,7 +307,7 @@ def data_hash(dataset) -> str:
     """Changes when clips, their labels or their numbers do: 16 hexadecimal digits."""
     clips = (
         f"{dataset.store.clips[n].name} {dataset.store.clips[n].checksum} {tuple(dataset.labels[n][:2])}"
-        for n in dataset.numbers
+        for n in dataset.indices
     )
     return hashlib.sha256("\n".join(clips).encode()).hexdigest()[:16]
 

@@ -397,7 +397,7 @@ def _draw(frames: FeatureCache, classes: Tensor, window: int) -> Callable[[int],
         groups = [group for group in members[length] if len(group)]
         chosen = torch.arange(BATCH) % len(groups)
         clips = torch.stack([groups[g][int(torch.rand(()) * len(groups[g]))] for g in chosen.tolist()])
-        x = frames.draw(clips, min(length, longest)).permute(0, 3, 1, 2)
+        x = frames.sample(clips, min(length, longest)).permute(0, 3, 1, 2)
         return {"x": x, "classes": classes[clips], "names": [frames.dataset[n].name for n in clips.tolist()]}
 
     return draw
@@ -425,7 +425,7 @@ def train_autoencoder(data: Dataset | Split, training: TrainConfig | None = None
 
     def draw(step: int) -> dict:
         clips = enough[torch.randint(len(enough), (BATCH,))]
-        return {"x": frames.draw(clips, length), "names": [split.train[n].name for n in clips.tolist()]}
+        return {"x": frames.sample(clips, length), "names": [split.train[n].name for n in clips.tolist()]}
 
     def loss_fn(model: nn.Module, batch: dict) -> Tensor:
         return denoising_loss(model, batch["x"])
@@ -435,7 +435,7 @@ def train_autoencoder(data: Dataset | Split, training: TrainConfig | None = None
     there = torch.nonzero(unseen.lengths >= WINDOW)[:, 0]
     with torch.no_grad():
         torch.manual_seed(training.seed)
-        turns = unseen.draw(there, WINDOW)
+        turns = unseen.sample(there, WINDOW)
         found = {"test_degrees": denoising_loss(network, turns), "noise_degrees": denoising_loss(nn.Identity(), turns)}
     metrics = {name: round(float(value.rad2deg()), 3) for name, value in found.items()}
     encoder.card = {**training_card(split.train, training, run, network), "metrics": metrics}

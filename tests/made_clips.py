@@ -48,6 +48,16 @@ class Made:
         return Recording(mk.Motion.from_root(skeleton, turns, path, self.fps), tracks)
 
 
+def grid(contents: int, styles: int, takes: int, performers: int = 4) -> list[Labels]:
+    """Labels of so many takes of each content in each style, by performers in turn."""
+    return [
+        Labels(f"c{c}", f"s{s}", (f"a person does c{c}",), f"p{t % performers}", f"take {c} {s} {t}")
+        for c in range(contents)
+        for s in range(styles)
+        for t in range(takes)
+    ]
+
+
 def made(labels: list[Labels], **more) -> Dataset:
     """A dataset of short clips with these labels, called clip_000 and so on."""
     return from_items("made", [Item(f"clip_{n:03d}", label, Made(n, **more)) for n, label in enumerate(labels)])

@@ -1,18 +1,15 @@
-"""Windows read from the mapped file, and batches of them as named tensors."""
+"""Batches of windows and clips as named tensors."""
 
 import pickle
 from collections import Counter
 
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from made_clips import Made, lengths, made
 from torch.utils.data import DataLoader
 
 import motionkit as mk
 from motionkit.datasets import BalancedSampler, Item, Labels, Windows, batches, collate
-from motionkit.datasets import cache as stores
 from motionkit.datasets.batches import FeatureCache
 from motionkit.datasets.loading import from_items
 
@@ -27,91 +24,6 @@ def walks(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MOTIONKIT_CACHE", str(tmp_path_factory.mktemp("cache")))
         return lengths([70, 0, 64, 63, 130], joints=22, phase=True)
-
-
-class Frames:
-    """As much of a store as counting windows needs."""
-
-    def __init__(self, frames: list[int]) -> None:
-        self.frames = torch.tensor(frames).numpy()
-        self.clips = [Clip(n, count) for n, count in enumerate(frames)]
-
-
-class Clip:
-    def __init__(self, number: int, frames: int) -> None:
-        self.name, self.frames = f"clip_{number}", frames
-
-
-@given(
-    st.lists(st.integers(0, 40), min_size=1, max_size=6),
-    st.integers(1, 20),
-    st.integers(1, 25),
-    st.sampled_from(["skip", "pad"]),
-)
-@settings(max_examples=200)
-def test_windows_are_where_they_should_be(frames, length, stride, short):
-    expected = []
-    for clip, count in enumerate(frames):
-        start = 0
-        while start + length <= count:
-            expected.append((clip, start))
-            start += stride
-        left_over = start == 0 or start - stride + length < count
-        if short == "pad" and count and left_over and start < count:
-            expected.append((clip, start))
-    labels = tuple(Labels("walk", "old", ()) for _ in frames)
-    ds = mk.datasets.Dataset("any", Frames(frames), labels)
-    if not expected:
-        with pytest.raises(mk.MotionKitError, match="no clip has"):
-            ds.windows(length, stride, short)
-        return
-    windows = ds.windows(length, stride, short)
-    assert [(w.clip.number, w.start) for w in windows] == expected and len(windows) == len(expected)
-    assert windows.clip_numbers().tolist() == [clip for clip, _ in expected]
-
-
-def test_a_window_is_a_piece_of_its_clip(walks, monkeypatch):
-    whole = [clip.recording for clip in walks]
-    monkeypatch.setattr(stores.Store, "check", lambda *_: pytest.fail("a whole clip was read"))
-    windows = walks.windows(60, stride=30)
-    assert [w.name for w in windows][:4] == ["clip_000[0:60]", "clip_002[0:60]", "clip_003[0:60]", "clip_004[0:60]"]
-    for w in windows:
-        motion, piece = w.motion, whole[w.clip.number].motion[w.start : w.start + 60]
-        assert torch.equal(motion.rotations, piece.rotations) and torch.equal(motion.translations, piece.translations)
-        assert (motion.fps, motion.name, len(w), w.valid.all()) == (30.0, w.name, 60, True)
-        assert torch.equal(w.contacts, whole[w.clip.number].tracks["contacts"][w.start : w.start + 60].bool())
-    last = windows[-1]
-    assert (last.content, last.style, last.text, last.start) == ("walk", "proud", "clip 4", 60)
-    assert last.motion.skeleton is windows[0].motion.skeleton is walks.skeleton
-    assert [w.name for w in windows[-2:]] == [windows[len(windows) - 2].name, windows[-1].name]
-    with pytest.raises(IndexError):
-        windows[len(windows)]
-
-
-def test_a_padded_window_stays_in_the_last_pose(walks):
-    windows = walks.windows(64, short="pad")
-    assert [(w.clip.name, w.start, w.frames) for w in windows if w.frames < 64] == [
-        ("clip_000", 64, 6),
-        ("clip_003", 0, 63),
-        ("clip_004", 128, 2),
-    ]
-    w, clip = windows[1], walks[0].motion
-    assert w.valid.tolist() == [True] * 6 + [False] * 58 and len(w.motion) == 64
-    assert torch.equal(w.motion.rotations[:6], clip.rotations[64:])
-    assert torch.equal(w.motion.translations[6:], clip.translations[-1:].expand(58, -1, -1))
-    assert repr(w) == "Window('clip_000[64:128]', 64 frames, 6 of them its own)"
-
-
-def test_windows_that_cannot_be(walks):
-    with pytest.raises(mk.MotionKitError, match="no clip has 200 frames; the longest has 130: choose a smaller"):
-        walks.windows(200)
-    for length, stride in ((0, 1), (8, 0), (2.5, 1), (True, 1)):
-        with pytest.raises(mk.MotionKitError, match="is a number of frames from 1"):
-            walks.windows(length, stride)
-    with pytest.raises(mk.MotionKitError, match="short is 'skip' or 'pad'; found 'cut'"):
-        walks.windows(8, short="cut")
-    with pytest.raises(mk.MotionKitError, match="split the dataset first: train, validation, test = "):
-        walks.windows(8).split(by="take")
 
 
 def test_a_batch_is_its_windows_together(walks):
@@ -144,14 +56,14 @@ def test_whole_clips_are_padded_to_the_longest(walks):
 
 @pytest.mark.parametrize("layout", [mk.features.FacingFree, mk.features.Graph])
 def test_features_are_cut_from_those_of_the_whole_clip(walks, layout, monkeypatch):
-    encoded = {clip.number: layout().encode(clip.motion) for clip in walks if len(clip)}
+    encoded = {clip.index: layout().encode(clip.motion) for clip in walks if len(clip)}
     loader = batches(walks.windows(40, short="pad"), 3, features=layout())
     windows = {w.name: w for w in loader.dataset}
     for epoch in range(2):
         for batch in loader:
             for x, mask, name in zip(batch.features, batch.mask, batch.names):
                 w = windows[name]
-                expected = encoded[w.clip.number][w.start : w.start + w.frames]
+                expected = encoded[w.clip.index][w.start : w.start + w.frames]
                 assert torch.equal(x[mask], expected) and torch.equal(x[~mask], expected[-1:].expand_as(x[~mask]))
         if not epoch:
             monkeypatch.setattr(layout, "encode", lambda *_: pytest.fail("a clip was encoded again"))
@@ -164,12 +76,6 @@ def test_features_of_clips_without_frames_and_in_other_processes(walks):
     there = pickle.loads(pickle.dumps(encoded))
     assert torch.equal(collate([there.dataset[4]], there).features[0], batch.features[4])
     assert torch.equal(collate([walks[4]], mk.features.SixD()).features[0], batch.features[4])
-
-
-def test_ids_are_the_same_in_every_part_of_a_split(walks):
-    part = walks.filter(style="sad")
-    assert part.styles == ("sad",) and part.vocabulary["style"] == ("old", "proud", "sad")
-    assert collate([part[0]]).style.tolist() == [2] == next(iter(batches(part, 1))).style.tolist()
 
 
 def test_an_epoch_has_every_window_once_and_a_seed_is_an_order(walks):

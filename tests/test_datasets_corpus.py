@@ -20,8 +20,9 @@ from test_bvh import CHAIN
 
 import motionkit as mk
 from motionkit.benchmarks.corpus import corpus_speed, private_mb
-from motionkit.datasets import Corpus, Item, Labels, build_cache
+from motionkit.datasets import BvhSource, Corpus, Item, Labels, build_cache
 from motionkit.datasets import cache as stores
+from motionkit.datasets.sources import File
 
 
 def listed(count: int, **more) -> list[Item]:
@@ -57,7 +58,7 @@ def test_clips_and_windows_are_the_same_over_many_shards(tmp_path):
     again.check()
     assert repr(again) == "Corpus('folder', 11 clips, 1 contents, 3 styles)"
     for window in again.windows(3):
-        whole = items[window.clip.number].source.read().motion
+        whole = items[window.clip.index].source.read().motion
         assert torch.equal(window.motion.rotations, whole.rotations[window.start : window.start + 3])
     train = again.split("performer", (0.5, 0.0, 0.5)).train
     batch = next(iter(mk.datasets.batches(train.windows(5, short="pad"), 100)))
@@ -68,7 +69,7 @@ def test_no_more_shards_are_open_than_a_process_may(tmp_path, monkeypatch):
     corpus = build_cache(listed(7), tmp_path, shard_clips=1)
     monkeypatch.setattr(stores, "_OPEN_SHARDS", 2)
     same(corpus, listed(7))
-    assert len(corpus.store._maps) == 2
+    assert corpus.store._maps.cache_info().currsize == 2
 
 
 def test_any_folder_of_bvh(tmp_path):
@@ -267,7 +268,8 @@ def test_joblibs_settings_say_who_reads(tmp_path, monkeypatch, backend):
 
 
 def test_large_files_go_out_in_small_batches():
-    items = [Item(f"{n}", Labels("", "", ()), mk.datasets.BvhSource("", None, size, 0)) for n, size in enumerate(SIZES)]
+    sources = [BvhSource(File("", "", None, size, 0)) for size in SIZES]
+    items = [Item(f"{n}", Labels("", "", ()), source) for n, source in enumerate(sources)]
     batches = stores._batches(items)
     assert [[int(name) for name, _ in batch] for batch in batches] == [[0], [1], [2, 3, 4], [5]]
 

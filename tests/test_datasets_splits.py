@@ -1,31 +1,19 @@
-"""Splits that never leak, tables of labels, and what is stored beside a motion."""
+"""Splits that never leak."""
 
 from collections import Counter
 
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_clips import Made, chain, made
+from made_clips import grid, made
 
 import motionkit as mk
-from motionkit.datasets import Item, Labels, Recording
-from motionkit.datasets.loading import from_items
-from motionkit.skeleton import Skeleton
+from motionkit.datasets import Item, Labels
 
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path_factory, monkeypatch):
     monkeypatch.setenv("MOTIONKIT_CACHE", str(tmp_path_factory.mktemp("cache")))
-
-
-def grid(contents: int, styles: int, takes: int, performers: int = 4) -> list[Labels]:
-    return [
-        Labels(f"c{c}", f"s{s}", (f"a person does c{c}",), f"p{t % performers}", f"take {c} {s} {t}")
-        for c in range(contents)
-        for s in range(styles)
-        for t in range(takes)
-    ]
 
 
 def parts_of(ds, **more) -> list[list[str]]:
@@ -70,10 +58,10 @@ def test_no_take_is_ever_in_two_parts(rows, by, shares):
     except mk.MotionKitError as error:
         assert "share no take; found" in str(error) or "tie all" in str(error)
         return
-    assert sorted(n for part in parts for n in part.numbers) == list(range(len(labels)))
+    assert sorted(n for part in parts for n in part.indices) == list(range(len(labels)))
     assert [len(part) > 0 for part in parts] == [share > 0 for share in shares]
     for label in ("take", by):
-        held = [{getattr(labels[n], label) for n in part.numbers} for part in parts]
+        held = [{getattr(labels[n], label) for n in part.indices} for part in parts]
         assert not (held[0] & held[1] or held[0] & held[2] or held[1] & held[2])
 
 
@@ -127,84 +115,3 @@ def test_the_makers_split_comes_first():
     leaks = made([Labels("walk", "old", (), take="t", split=part) for part in ("train", "test")])
     with pytest.raises(mk.MotionKitError, match=r"take 't' into two parts \('clip_000' and 'clip_001'\)"):
         leaks.split()
-
-
-def test_filters():
-    ds = made(grid(2, 2, 4))
-    assert len(ds.filter(performer="p1")) == 4 and len(ds.filter("c0", ["s0", "s1"], ["p1", "p2"])) == 4
-    assert ds.filter(performer="p1").performers == ("p1",)
-    with pytest.raises(mk.MotionKitError, match="no clip has the performer 'p9'; there are p0, p1, p2, p3"):
-        ds.filter(performer="p9")
-    with pytest.raises(mk.MotionKitError, match="no clip has the split 'test'"):
-        ds.filter(split="test")
-
-
-def test_tables_of_labels():
-    ds = made([*grid(2, 2, 2), Labels("c0", "<b>", ("one", "two"))])
-    assert str(ds.table()).splitlines() == [
-        "content \\ style  <b>  s0  s1  all",
-        "c0                 1   2   2    5",
-        "c1                 0   2   2    4",
-        "all                1   4   4    9",
-    ]
-    assert "<th>&lt;b&gt;</th>" in ds.table()._repr_html_() and "<b>" not in ds.table()._repr_html_()
-    assert ds.captions().rows[-2:] == (("clip_008", "c0", "<b>", "one"), ("clip_008", "c0", "<b>", "two"))
-    many = made(grid(1, 13, 4))
-    assert many.table().header == ("style \\ content", "c0", "all") and len(many.table().rows) == 14
-    assert str(many.captions()).splitlines()[-1] == "... and 12 more lines in .rows"
-    assert ds[:0].table().rows == (("all", 0),) and ds[:0].captions().rows == ()
-
-
-def test_contacts_and_phase_are_stored_beside_the_motion():
-    ds = made([Labels("walk", "old", ("text",), "anna", "take 7", "train")], joints=22, frames=40, phase=True)
-    clip = ds[0]
-    expected = Made(0, joints=22, frames=40, phase=True).read()
-    assert torch.equal(clip.contacts, mk.contacts.foot_contacts(expected.motion)) and clip.contacts.dtype == torch.bool
-    assert torch.equal(clip.phase, expected.tracks["phase"]) and clip.phase.shape == (40, 1)
-    assert torch.equal(clip.motion.rotations, expected.motion.rotations) and clip.motion.rotations.is_contiguous()
-    assert torch.equal(clip.motion.translations, expected.motion.translations)
-    assert (clip.performer, clip.take, clip.split, clip.texts) == ("anna", "take 7", "train", ("text",))
-
-
-def test_labels_that_are_not_there():
-    clip = made([Labels("walk", "old", ())])[0]
-    assert (clip.text, clip.take, clip.phase) == ("", "clip_000", None)
-    with pytest.raises(mk.MotionKitError, match="cannot tell the feet among j0, j1"):
-        _ = clip.contacts
-
-
-class Given:
-    """A source of one recording."""
-
-    state = "1"
-
-    def __init__(self, recording: Recording) -> None:
-        self.recording = recording
-
-    def read(self) -> Recording:
-        return self.recording
-
-
-def test_given_contacts_and_twins_are_kept():
-    skeleton = Skeleton(("a", "b", "c"), (-1, 0, 0), chain(3).offsets, mirror_joints=(0, 2, 1))
-    turns = torch.tensor([1.0, 0, 0, 0]).expand(4, 3, 4)
-    motion = mk.Motion.from_root(skeleton, turns, torch.zeros(4, 3), 25.0)
-    stands = torch.rand(4, 6) > 0.5
-    ds = from_items("mine", [Item("a", Labels("walk", "old", ()), Given(Recording(motion, {"contacts": stands})))])
-    assert torch.equal(ds[0].contacts, stands) and ds[0].motion.skeleton.mirror_joints == (0, 2, 1)
-    wrong = Given(Recording(motion, {"phase": torch.zeros(3, 1)}))
-    with pytest.raises(mk.MotionKitError, match=r"clip 'b': expected track 'phase' as \[4, K\].* found \[3, 1\]"):
-        from_items("mine", [Item("b", Labels("walk", "old", ()), wrong)])
-
-
-def test_lists_of_items_that_make_no_dataset():
-    item = Item("a", Labels("walk", "old", ()), Made(0))
-    with pytest.raises(mk.MotionKitError, match="two clips are called 'a'"):
-        from_items("mine", [item, item])
-    with pytest.raises(mk.MotionKitError, match="'mine' has no clips"):
-        from_items("mine", [])
-
-
-def test_options_are_the_readers(tmp_path):
-    with pytest.raises(mk.MotionKitError, match="'xia' has no option 'pattern'; it has none"):
-        mk.datasets.load("xia", tmp_path, pattern="{style}")

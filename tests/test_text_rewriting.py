@@ -39,7 +39,7 @@ def every() -> tuple[tuple[str, str, str], ...]:
         for c in captures.xia_labels(f"{s}_{n}_0").texts
     ]
     for gait in captures.GAITS:
-        labels = [captures._style100_labels(name, gait, "x", "a long, old line: of words") for name in FILES]
+        labels = [captures.style100_labels(f"{name}_{gait}", "a long, old line: of words") for name in FILES]
         found += [("100style", one.style, c) for one in labels for c in one.texts]
     found += [("100style", s, c) for s in STYLES for c in captured("walking forward", "going on foot", s)]
     return tuple(found)
@@ -84,7 +84,7 @@ def test_to_neutral_leaves_no_word_of_the_style():
 def test_to_neutral_keeps_what_is_done():
     for gait, (_, doing, again) in captures.GAITS.items():
         for name in FILES:
-            for caption in captures._style100_labels(name, gait, "x", "").texts:
+            for caption in captures.style100_labels(f"{name}_{gait}").texts:
                 assert doing in text.to_neutral(caption) or again in text.to_neutral(caption), caption
     for style in captures.BANDAI_LABELS["bandai-2"]["style"].split():
         for caption in captures.bandai_labels(f"x_raise-up-left-hand_{style}_1").texts:

@@ -214,7 +214,7 @@ def _sample(train: Dataset, count: int, seed: int) -> Dataset:
     """As many training clips as there are test clips, drawn by their names."""
     names = {n: f"{seed} {train[n].name}" for n in range(len(train))}
     mixed = sorted(names, key=lambda n: hashlib.sha256(names[n].encode()).digest())
-    return train._some([train.numbers[n] for n in sorted(mixed[:count])])
+    return train.subset([train.indices[n] for n in sorted(mixed[:count])])
 
 
 def _plain(name: str) -> str:

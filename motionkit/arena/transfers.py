@@ -83,7 +83,7 @@ def dataset_key(*datasets: Dataset) -> str:
     """
     digest = hashlib.sha256()
     for dataset in datasets:
-        for n in dataset.numbers:
+        for n in dataset.indices:
             clip, labels = dataset.store.clips[n], dataset.labels[n]
             digest.update(f"{clip.name}\t{clip.checksum}\t{labels.content}\t{labels.style}\n".encode())
         digest.update(b"\n")

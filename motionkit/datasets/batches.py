@@ -44,9 +44,9 @@ class FeatureCache:
     def __init__(self, dataset: Dataset, layout: Encoder) -> None:
         self.dataset, self.layout = dataset, layout
         self.shape: tuple[int, ...] = ()  # of a frame's features, once one clip is encoded
-        ends = np.cumsum([0, *dataset.store.frames[list(dataset.numbers)].tolist()])
-        self._starts = dict(zip(dataset.numbers, ends.tolist()))
-        self._frames, self._done, self._kept = int(ends[-1]), set(), None
+        ends = np.cumsum([0, *self.lengths.tolist()])
+        self._starts = dict(zip(dataset.indices, ends.tolist()))
+        self._frames, self._encoded, self._file = int(ends[-1]), set(), None
 
     def __getstate__(self) -> dict:
         return {"dataset": self.dataset, "layout": self.layout}
@@ -54,62 +54,64 @@ class FeatureCache:
     def __setstate__(self, state: dict) -> None:
         self.__init__(**state)
 
-    def rows(self, number: int, start: int, stop: int) -> np.ndarray:
+    def rows(self, index: int, start: int, stop: int) -> np.ndarray:
         """Frames `start` to `stop` of a stored clip's features [F, D]; MotionKitError where the layout does not fit."""
-        first = self._starts[number]
-        if number not in self._done:
-            x = self.layout.encode(self.dataset.store.recording(number).motion).detach().float()
+        first = self._starts[index]
+        if index not in self._encoded:
+            x = self.layout.encode(self.dataset.store.recording(index).motion).detach().float()
             self.shape = tuple(x.shape[1:])
             rows = x.flatten(1).numpy()
-            if self._kept is None:
+            if self._file is None:
                 shape = (self._frames, rows.shape[1])
                 with tempfile.TemporaryFile() as file:  # lives on, nameless, as long as it is mapped
-                    self._kept = np.memmap(file, np.float32, "w+", shape=shape)
-            self._kept[first : first + len(rows)] = rows
-            self._done.add(number)
-        return np.asarray(self._kept[first + start : first + stop])
+                    self._file = np.memmap(file, np.float32, "w+", shape=shape)
+            self._file[first : first + len(rows)] = rows
+            self._encoded.add(index)
+        return np.asarray(self._file[first + start : first + stop])
 
     @property
     def lengths(self) -> Tensor:
         """Frames of each clip, long [C]."""
-        return torch.from_numpy(self.dataset.store.frames[list(self.dataset.numbers)].astype(np.int64))
+        return torch.from_numpy(self.dataset.store.frames[list(self.dataset.indices)].astype(np.int64))
 
-    def draw(self, clips: Sequence[int] | Tensor, length: int) -> Tensor:
+    def sample(self, clips: Sequence[int] | Tensor, length: int) -> Tensor:
         """A window [len(clips), length, ...] from a random place of each of these clips, by torch's random numbers.
 
         clips: places in the dataset. Raises MotionKitError for a clip that has fewer frames.
         """
         clips = torch.as_tensor(clips)
-        room = self.lengths[clips] - length + 1
-        if (room < 1).any():
-            short = self.dataset[int(clips[int((room < 1).nonzero()[0])])]
-            raise MotionKitError(f"a window of {length} frames does not fit into {short}; leave short clips out")
-        starts = (torch.rand(len(clips)) * room).long().tolist()
-        numbers = [self.dataset.numbers[n] for n in clips.tolist()]
-        return gather(self, numbers, starts, [length] * len(numbers), length)
+        short = clips[self.lengths[clips] < length]
+        if len(short):
+            clip = self.dataset[int(short[0])]
+            raise MotionKitError(f"a window of {length} frames does not fit into {clip}; leave short clips out")
+        return self.sample_padded(clips, length)[0]
 
-    def draw_masked(self, clips: Sequence[int] | Tensor, length: int) -> tuple[Tensor, Tensor]:
-        """As `draw`, but short clips come whole, go on in their last row, and a mask, bool [B, length], says so."""
+    def sample_padded(self, clips: Sequence[int] | Tensor, length: int) -> tuple[Tensor, Tensor]:
+        """As `sample`, but short clips come whole, go on in their last row, and a mask, bool [B, length], says so."""
         clips = torch.as_tensor(clips)
-        own = self.lengths[clips].clamp(max=length)
-        starts = (torch.rand(len(clips)) * (self.lengths[clips] - own + 1)).long().tolist()
-        numbers = [self.dataset.numbers[n] for n in clips.tolist()]
-        return gather(self, numbers, starts, own.tolist(), length), torch.arange(length) < own[:, None]
+        counts = self.lengths[clips].clamp(max=length)
+        starts = (torch.rand(len(clips)) * (self.lengths[clips] - counts + 1)).long().tolist()
+        indices = [self.dataset.indices[n] for n in clips.tolist()]
+        return self.gather(indices, starts, counts.tolist(), length), torch.arange(length) < counts[:, None]
+
+    def gather(self, indices: list[int], starts: list[int], counts: list[int], frames: int) -> Tensor:
+        """Features [B, F, D] of samples, each going on in its last row ([B, F, J, 7] where the layout is a graph).
+
+        indices: stored clips; starts, counts: where a sample starts and how many frames it has; frames: F.
+        """
+        places = zip(indices, starts, counts)
+        pieces = [self.rows(n, start, start + count) if count else np.empty((0, 0)) for n, start, count in places]
+        x = torch.from_numpy(_pad(pieces, frames))
+        return x.unflatten(-1, self.shape) if len(self.shape) > 1 else x
 
 
-def gather(source: FeatureCache, numbers: list[int], starts: list[int], own: list[int], frames: int) -> Tensor:
-    """Features [B, F, D] of samples: own frames, then the last one again ([B, F, J, 7] where the layout is a graph).
-
-    numbers: stored clips; starts, own: where a sample starts and how many frames it has; frames: F.
-    """
-    found = [source.rows(n, start, start + count) if count else None for n, start, count in zip(numbers, starts, own)]
-    width = next((rows.shape[1] for rows in found if rows is not None), 0)
-    x = np.zeros((len(numbers), frames, width), np.float32)
-    for into, rows in zip(x, found):
-        if rows is not None:
-            into[: len(rows)] = rows
-            into[len(rows) :] = rows[-1]
-    return torch.from_numpy(x).unflatten(-1, source.shape) if len(source.shape) > 1 else torch.from_numpy(x)
+def _pad(pieces: list[np.ndarray], frames: int) -> np.ndarray:
+    """Rows [B, F, D] of pieces [up to F, D], each of which goes on in its last row; one without rows is zero."""
+    rows = np.zeros((len(pieces), frames, max(piece.shape[1] for piece in pieces)), np.float32)
+    for row, piece in zip(rows, pieces):
+        if len(piece):
+            row[: len(piece)], row[len(piece) :] = piece, piece[-1]
+    return rows
 
 
 class Batch(dict):
@@ -156,42 +158,32 @@ def collate(samples: Sequence[Window | Clip], features: Layout | FeatureCache | 
     if not samples:
         raise MotionKitError("no samples to put together; give some windows or clips of a dataset")
     clips = [getattr(sample, "clip", sample) for sample in samples]
-    dataset, numbers = clips[0].dataset, [clip.number for clip in clips]
-    if any(clip.dataset.store is not dataset.store for clip in clips):
+    dataset, indices = clips[0].dataset, [clip.index for clip in clips]
+    store = dataset.store
+    if any(clip.dataset.store is not store for clip in clips):
         raise MotionKitError("the samples of a batch must come from one dataset; batch each dataset by itself")
-    check_alike(dataset.store, numbers, "batch")
-    own = [getattr(sample, "frames", len(sample)) for sample in samples]
+    check_alike(store, indices, "batch")
     starts, frames = [sample.start for sample in samples], max(map(len, samples))
-    rows = _rows(dataset, numbers, starts, own, frames)
-    joints = len(dataset.store.skeleton(numbers[0]))
-    turns, moves = split_rows(rows, joints)
-    batch = Batch(rotations=turns, translations=moves)
-    batch["mask"] = torch.arange(frames) < torch.tensor(own)[:, None]
-    for track, columns in dataset.store.tracks(numbers[0]).items():
-        found = rows[..., columns]
-        batch[track] = torch.from_numpy(found > 0.5 if track == "contacts" else found.copy())
+    counts = [getattr(sample, "frames", len(sample)) for sample in samples]
+    rows = _pad([store.rows(n, start, start + count) for n, start, count in zip(indices, starts, counts)], frames)
+    rotations, translations = split_rows(rows, len(store.skeleton(indices[0])))
+    batch = Batch(rotations=rotations, translations=translations)
+    batch["mask"] = torch.arange(frames) < torch.tensor(counts)[:, None]
+    for track, columns in store.tracks(indices[0]).items():
+        values = rows[..., columns]
+        batch[track] = torch.from_numpy(values > 0.5 if track == "contacts" else values.copy())
     for label in ("content", "style"):
-        batch[label] = dataset.ids(label)[numbers]
+        batch[label] = dataset.ids(label)[indices]
     batch["names"] = [sample.name for sample in samples]
     batch["texts"] = [clip.texts for clip in clips]
     if features is not None:
-        encoded = features if isinstance(features, FeatureCache) else FeatureCache(dataset, features)
-        batch["features"] = gather(encoded, numbers, starts, own, frames)
+        cache = features if isinstance(features, FeatureCache) else FeatureCache(dataset, features)
+        batch["features"] = cache.gather(indices, starts, counts, frames)
     return batch
 
 
-def _rows(dataset: Dataset, numbers: list[int], starts: list[int], own: list[int], frames: int) -> np.ndarray:
-    """Rows [B, F, W]: each sample's own frames, then its last one again and again."""
-    store = dataset.store
-    rows = np.empty((len(numbers), frames, store.widths[store.places[numbers[0]][1]]), np.float32)
-    for row, number, start, count in zip(rows, numbers, starts, own):
-        row[:count] = store.rows(number, start, start + count)
-        row[count:] = row[count - 1] if count else 0
-    return rows
-
-
 class BalancedSampler(Sampler[int]):
-    """Numbers of windows or clips such that every style (or content, or pair) comes equally often.
+    """Indices of windows or clips such that every style (or content, or pair) comes equally often.
 
     by: `style`, `content` or `("content", "style")`. It draws rounds: in each, one sample of every label in random
     order, so that a batch is balanced too; a label's samples all come before one comes again. As many samples as
@@ -220,21 +212,22 @@ class BalancedSampler(Sampler[int]):
 
     def __iter__(self) -> Iterator[int]:
         rounds = -(-self._count // len(self.groups))
-        drawn = torch.stack([self._draw(group, rounds) for group in self.groups], 1)  # [rounds, groups]
-        orders = torch.rand(drawn.shape, generator=self._generator).argsort(1)
-        return iter(drawn.gather(1, orders).flatten()[: self._count].tolist())
+        samples = torch.stack([self._sample(group, rounds) for group in self.groups], 1)  # [rounds, groups]
+        orders = torch.rand(samples.shape, generator=self._generator).argsort(1)
+        return iter(samples.gather(1, orders).flatten()[: self._count].tolist())
 
-    def _draw(self, group: Tensor, count: int) -> Tensor:
+    def _sample(self, group: Tensor, count: int) -> Tensor:
+        """All of a group in random order, again and again, until there are `count`."""
         times = -(-count // len(group))
         return torch.cat([group[torch.randperm(len(group), generator=self._generator)] for _ in range(times)])[:count]
 
 
 def _clips_of(source: Windows | Dataset) -> tuple[Dataset, Tensor]:
-    """The dataset, and the stored clip of each sample, long [N]."""
+    """The dataset, and the index of the stored clip of each sample, long [N]."""
     if isinstance(source, Windows):
-        return source.dataset, source.clip_numbers()
+        return source.dataset, source.clip_indices()
     if isinstance(source, Dataset):
-        return source, torch.tensor(source.numbers, dtype=torch.long)
+        return source, torch.tensor(source.indices, dtype=torch.long)
     raise MotionKitError(f"batches are made of a dataset or of its windows(...); found {type(source).__name__}")
 
 
@@ -267,14 +260,11 @@ def batches(
     check_alike(dataset.store, torch.unique(clips).numpy(), f"dataset {dataset.name!r}")
     generator = torch.Generator().manual_seed(seed)
     sampler = BalancedSampler(source, balanced, seed) if balanced else RandomSampler(source, generator=generator)
-    encoded = None if features is None else FeatureCache(dataset, features)
-    together = partial(collate, features=encoded)
+    together = partial(collate, features=None if features is None else FeatureCache(dataset, features))
     return DataLoader(source, size, sampler=sampler, collate_fn=together, generator=generator, num_workers=workers)
 
 
 _LEAST_SPREAD = 0.25  # of a part's spread: numbers that hardly move are not blown up to the size of others
-
-
 _ROOT_WEIGHT = 3.0  # how much larger the root's four numbers are made: all else follows from where the body goes
 
 
@@ -285,16 +275,16 @@ def fit_normalizer(data: Dataset) -> tuple[FeatureCache, Normalizer]:
     height, positions, rotations); the root's four numbers weigh three times as much, since the loss counts numbers.
     """
     layout = OfBody()
-    encoded = FeatureCache(data, layout)
-    rows = [torch.from_numpy(encoded.rows(n, 0, int(data.store.frames[n]))) for n in data.numbers]
-    found = Normalizer.fit(rows, "FacingFree")
+    cache = FeatureCache(data, layout)
+    rows = [torch.from_numpy(cache.rows(n, 0, int(data.store.frames[n]))) for n in data.indices]
+    plain = Normalizer.fit(rows, "FacingFree")
     std = torch.cat(rows).std(0, correction=0)
     parts = {**layout.slices, "turn": slice(0, 1), "speed": slice(1, 3), "height": slice(3, 4)}
     for name, part in parts.items():
         if name != "root":
             std[part] = torch.maximum(std[part], _LEAST_SPREAD * std[part].square().mean().sqrt())
     std[layout.slices["root"]] /= _ROOT_WEIGHT
-    return encoded, Normalizer(found.mean, std.clamp(min=1e-5), found.layout, found.data_hash)
+    return cache, Normalizer(plain.mean, std.clamp(min=1e-5), plain.layout, plain.data_hash)
 
 
 class WindowSampler:
@@ -316,7 +306,7 @@ class WindowSampler:
         clips = torch.randint(len(self.features.dataset), (self.size,))
         shortest, longest = (frames // 4 for frames in self.frames)
         length = int(torch.randint(shortest, longest + 1, ())) * 4
-        x, mask = self.features.draw_masked(clips, length)
+        x, mask = self.features.sample_padded(clips, length)
         names = [self.features.dataset[n].name for n in clips.tolist()]
         return {
             "x": self.normalizer.normalize(x),

@@ -44,13 +44,10 @@ def make_folder(folder: Path, advice: str) -> Path:
 
 @dataclass(eq=False)
 class Store:
-    """Opened shards. Clips have numbers from 0, through all shards. remedy: what to do about a damaged one."""
+    """Opened shards. Clips have indices from 0, through all shards. remedy: what to do about a damaged one."""
 
     shards: tuple[Shard, ...] = field(repr=False)
     remedy: str = "load the dataset again to remake it"
-
-    def __post_init__(self) -> None:
-        self._maps: dict[int, np.ndarray] = {}
 
     def __getstate__(self) -> dict:
         return {"shards": self.shards, "remedy": self.remedy}  # each process maps the files itself
@@ -76,11 +73,8 @@ class Store:
     @cached_property
     def places(self) -> tuple[tuple[int, int], ...]:
         """For each clip its shard, and its tree among `trees`."""
-        found, before = [], 0
-        for n, shard in enumerate(self.shards):
-            found += [(n, before + clip.tree) for clip in shard.clips]
-            before += len(shard.trees)
-        return tuple(found)
+        first = np.cumsum([0, *(len(shard.trees) for shard in self.shards)]).tolist()
+        return tuple((n, first[n] + clip.tree) for n, shard in enumerate(self.shards) for clip in shard.clips)
 
     @cached_property
     def widths(self) -> tuple[int, ...]:
@@ -90,73 +84,68 @@ class Store:
     @cached_property
     def kinds(self) -> np.ndarray:
         """A number for each clip, [N]: the same where joints, tracks and frame rate are."""
-        kinds: dict[tuple, int] = {}
         trees = [str((tree["names"], tree["parents"], tree["tracks"])) for tree in self.trees]
+        kinds: dict[tuple, int] = {}
         pairs = zip(self.places, self.clips, strict=True)
-        found = (kinds.setdefault((trees[tree], clip.fps), len(kinds)) for (_, tree), clip in pairs)
-        return np.fromiter(found, np.int64, len(self.clips))
+        numbers = (kinds.setdefault((trees[tree], clip.fps), len(kinds)) for (_, tree), clip in pairs)
+        return np.fromiter(numbers, np.int64, len(self.clips))
 
-    def rows(self, number: int, start: int, stop: int) -> np.ndarray:
+    def rows(self, index: int, start: int, stop: int) -> np.ndarray:
         """Frames `start` to `stop` of a clip, [F, W], where they lie in the mapped file: one read, no copy."""
-        shard, tree = self.places[number]
+        shard, tree = self.places[index]
         width = self.widths[tree]
-        first = self.clips[number].start + start * width
-        found = self._map(shard)[first : first + (stop - start) * width]
-        if len(found) != (stop - start) * width:
-            raise self._damage(shard, f"the data end before clip {self.clips[number].name!r} does")
-        return found.reshape(stop - start, width)
+        first = self.clips[index].start + start * width
+        values = self._maps(shard)[first : first + (stop - start) * width]
+        if len(values) != (stop - start) * width:
+            raise self._damage(shard, f"the data end before clip {self.clips[index].name!r} does")
+        return values.reshape(stop - start, width)
+
+    @cached_property
+    def _maps(self) -> Callable[[int], np.ndarray]:
+        return lru_cache(_OPEN_SHARDS)(self._map)
 
     def _map(self, shard: int) -> np.ndarray:
-        found = self._maps.get(shard)
-        if found is None:
-            if len(self._maps) >= _OPEN_SHARDS:
-                self._maps.pop(next(iter(self._maps)))
-            try:
-                found = self._maps[shard] = np.asarray(np.memmap(self.shards[shard].path, "<f4", "r"))
-            except (OSError, ValueError) as error:
-                raise self._damage(shard, f"the data cannot be opened ({error})") from None
-        return found
+        try:
+            return np.asarray(np.memmap(self.shards[shard].path, "<f4", "r"))
+        except (OSError, ValueError) as error:
+            raise self._damage(shard, f"the data cannot be opened ({error})") from None
 
-    def _damage(self, shard: int, what: str) -> MotionKitError:
+    def _damage(self, shard: int, fault: str) -> MotionKitError:
         path = self.shards[shard].path
         forget(path)
-        return MotionKitError(f"{path}: {what}; {self.remedy}")
+        return MotionKitError(f"{path}: {fault}; {self.remedy}")
 
-    def tracks(self, number: int) -> dict[str, slice]:
+    def tracks(self, index: int) -> dict[str, slice]:
         """Which columns of a clip's rows are which track."""
-        tree = self.trees[self.places[number][1]]
-        found, start = {}, 7 * len(tree["names"])
-        for name, width in tree["tracks"]:
-            found[name] = slice(start, start + width)
-            start += width
-        return found
+        tree = self.trees[self.places[index][1]]
+        ends = np.cumsum([7 * len(tree["names"]), *(width for _, width in tree["tracks"])]).tolist()
+        return {name: slice(*ends[n : n + 2]) for n, (name, _) in enumerate(tree["tracks"])}
 
-    def skeleton(self, number: int) -> Skeleton:
+    def skeleton(self, index: int) -> Skeleton:
         """A clip's skeleton; one object for all clips that share it."""
-        return self._skeletons(self.places[number][1])
+        return self._skeletons(self.places[index][1])
 
     @cached_property
     def _skeletons(self) -> Callable[[int], Skeleton]:
         return lru_cache(maxsize=256)(lambda tree: _skeleton_of(self.trees[tree]))
 
-    def check(self, number: int) -> None:
+    def check(self, index: int) -> None:
         """Raises MotionKitError if a clip's numbers are not those that were written."""
-        clip, shard = self.clips[number], self.places[number][0]
-        if zlib.crc32(np.ascontiguousarray(self.rows(number, 0, clip.frames))) != clip.checksum:
-            raise self._damage(shard, f"the cache is damaged at clip {clip.name!r}")
+        clip = self.clips[index]
+        if zlib.crc32(np.ascontiguousarray(self.rows(index, 0, clip.frames))) != clip.checksum:
+            raise self._damage(self.places[index][0], f"the cache is damaged at clip {clip.name!r}")
 
-    def recording(self, number: int, start: int = 0, stop: int | None = None) -> Recording:
+    def recording(self, index: int, start: int = 0, stop: int | None = None) -> Recording:
         """Frames of a clip with their tracks, copied into memory; a whole clip is checked for damage."""
-        clip = self.clips[number]
+        clip = self.clips[index]
         if stop is None:
-            self.check(number)
+            self.check(index)
             stop = clip.frames
-        rows = np.array(self.rows(number, start, stop), np.float32)
-        skeleton = self.skeleton(number)
-        turns, moves = split_rows(rows, len(skeleton))
+        rows = np.array(self.rows(index, start, stop), np.float32)
+        skeleton = self.skeleton(index)
         name = clip.name if (start, stop) == (0, clip.frames) else f"{clip.name}[{start}:{stop}]"
-        motion = Motion(skeleton, turns, moves, clip.fps, name, clip.metres_per_unit)
-        tracks = {track: torch.from_numpy(rows[:, columns].copy()) for track, columns in self.tracks(number).items()}
+        motion = Motion(skeleton, *split_rows(rows, len(skeleton)), clip.fps, name, clip.metres_per_unit)
+        tracks = {track: torch.from_numpy(rows[:, columns].copy()) for track, columns in self.tracks(index).items()}
         return Recording(motion, tracks)
 
 
@@ -168,10 +157,10 @@ def split_rows(rows: np.ndarray, joints: int) -> tuple[Tensor, Tensor]:
     >>> [tuple(part.shape) for part in split_rows(np.zeros((8, 16)), joints=2)]
     [(8, 2, 4), (8, 2, 3)]
     """
-    turns = np.ascontiguousarray(rows[..., : 4 * joints], np.float32)
-    moves = np.ascontiguousarray(rows[..., 4 * joints : 7 * joints], np.float32)
+    rotations = np.ascontiguousarray(rows[..., : 4 * joints], np.float32)
+    translations = np.ascontiguousarray(rows[..., 4 * joints : 7 * joints], np.float32)
     shape = (*rows.shape[:-1], joints)
-    return torch.from_numpy(turns.reshape(*shape, 4)), torch.from_numpy(moves.reshape(*shape, 3))
+    return torch.from_numpy(rotations.reshape(*shape, 4)), torch.from_numpy(translations.reshape(*shape, 3))
 
 
 def _skeleton_of(tree: dict) -> Skeleton:
@@ -236,45 +225,40 @@ def items_key(items: Sequence[Item]) -> str:
     return hashlib.sha256(f"format {FORMAT}\n{listing}".encode()).hexdigest()[:16]
 
 
-def index_path(data: Path) -> Path:
-    """Where the index of a data file stands."""
-    return data.with_suffix(".json")
-
-
-def in_order(name: str, items: Iterable[Item]) -> list[Item]:
+def sort_items(name: str, items: Iterable[Item]) -> list[Item]:
     """Items sorted by name; MotionKitError if there are none, or two of one name.
 
-    >>> in_order("mine", [])
+    >>> sort_items("mine", [])
     Traceback (most recent call last):
     ...
     motionkit.errors.MotionKitError: dataset 'mine' has no clips; list at least one
     """
-    found = sorted(items, key=lambda item: item.name)
-    if not found:
+    items = sorted(items, key=lambda item: item.name)
+    if not items:
         raise MotionKitError(f"dataset {name!r} has no clips; list at least one")
-    for item, after in zip(found, found[1:]):
+    for item, after in zip(items, items[1:]):
         if item.name == after.name:
             raise MotionKitError(f"dataset {name!r}: two clips are called {item.name!r}; give each a name of its own")
-    return found
+    return items
 
 
 def forget(data: Path) -> None:
     """Take a shard's index away, so that it is made again the next time."""
     with suppress(OSError):  # a cache that only others may write is theirs to mend
-        index_path(data).unlink()
+        data.with_suffix(".json").unlink()
 
 
 def read_shard(path: Path) -> Shard:
     """The index of a data file; MotionKitError if either is missing or damaged, or they do not fit together."""
     try:
-        index = json.loads(index_path(path).read_bytes())
+        index = json.loads(path.with_suffix(".json").read_bytes())
         if index.pop("checksum") != _checksum(index) or index["format"] != FORMAT:
             raise ValueError("its checksum or its format is another")
         clips = tuple(StoredClip(*row) for row in index["clips"])
         labels = tuple(Labels(c, s, tuple(texts), *more) for c, s, texts, *more in index["labels"])
-        found = path.stat().st_size
-        if found != index["bytes"] or len(labels) != len(clips):
-            raise ValueError(f"the data have {found} bytes, its index says {index['bytes']}")
+        size = path.stat().st_size
+        if size != index["bytes"] or len(labels) != len(clips):
+            raise ValueError(f"the data have {size} bytes, its index says {index['bytes']}")
         return Shard(path, index["key"], clips, labels, tuple(index["trees"]))
     except FileNotFoundError as error:
         raise MotionKitError(f"{path}: not a whole shard: {Path(error.filename).name} is missing") from None
@@ -288,55 +272,40 @@ def write_shards(plan: Sequence[tuple[Path, Sequence[Item]]], bad: str = "stop")
     plan: for each shard its data file and its items. bad: `stop` raises the MotionKitError of the first clip that
     cannot be read; `skip` warns and leaves it out.
     """
-
     with closing(read_all([item for _, items in plan for item in items], bad)) as read:
         for path, items in plan:
             forget(path)
             trees: dict[str, int] = {}
+            clips, labels, size = [], [], 0
             with open_atomic(path) as file:
-                clips, labels, size = _write_clips(file, zip(items, read), trees)
+                for item, clip in zip(items, read):
+                    if clip is None:
+                        continue
+                    tree, checksum = trees.setdefault(clip.tree, len(trees)), zlib.crc32(clip.rows)
+                    place = [size // 4, len(clip.rows), tree, clip.fps, clip.metres_per_unit, checksum]
+                    clips.append([item.name, *place])
+                    labels.append(item.labels)
+                    size += file.write(clip.rows.data)
             index = {"format": FORMAT, "key": items_key(items), "bytes": size, "trees": list(map(json.loads, trees))}
             _write_index(path, {**index, "clips": clips, "labels": labels})
 
 
 def relabel(shard: Shard, items: Iterable[Item]) -> None:
     """Give a shard's clips the labels that their items have now; the data stay as they are."""
-    labels = {item.name: item.labels for item in items}
-    now = tuple(labels[clip.name] for clip in shard.clips)
-    if now != shard.labels:
-        index = json.loads(index_path(shard.path).read_bytes())
+    by_name = {item.name: item.labels for item in items}
+    labels = tuple(by_name[clip.name] for clip in shard.clips)
+    if labels != shard.labels:
+        index = json.loads(shard.path.with_suffix(".json").read_bytes())
         del index["checksum"]
-        _write_index(shard.path, {**index, "labels": now})
+        _write_index(shard.path, {**index, "labels": labels})
 
 
 def _write_index(path: Path, index: dict) -> None:
-    write_atomic(index_path(path), json.dumps({"checksum": _checksum(index), **index}))
-
-
-def _write_clips(file, read: Iterable[tuple], trees: dict[str, int]) -> tuple[list[list], list[Labels], int]:
-    clips, labels, size = [], [], 0
-    for item, clip in read:
-        if clip is None:
-            continue
-        tree = trees.setdefault(clip.tree, len(trees))
-        row = [item.name, size // 4, len(clip.rows), tree, clip.fps, clip.metres_per_unit, zlib.crc32(clip.rows)]
-        clips.append(row)
-        labels.append(item.labels)
-        size += file.write(clip.rows.data)
-    return clips, labels, size
+    write_atomic(path.with_suffix(".json"), json.dumps({"checksum": _checksum(index), **index}))
 
 
 def _checksum(index: dict) -> int:
     return zlib.crc32(json.dumps(index).encode())
-
-
-def cut_into(items: Sequence[Item], size: int) -> Iterator[Sequence[Item]]:
-    """Runs of at most `size` items.
-
-    >>> [len(part) for part in cut_into(range(5), 2)]
-    [2, 2, 1]
-    """
-    return (items[n : n + size] for n in range(0, len(items), size))
 
 
 _BATCH = 32  # clips a task: few enough to keep all cores busy to the end, enough to make sending them cheap
@@ -362,8 +331,8 @@ def read_all(items: Sequence[Item], bad: str = "stop") -> Iterator[Read | None]:
     from tqdm.auto import tqdm
 
     with tqdm(total=len(items), desc="reading clips (once)", unit="clip", leave=False) as progress:
-        for clips, told in _in_parallel(_batches(items), len(items), bad):
-            for message, category in told:
+        for clips, messages in _in_parallel(_batches(items), len(items), bad):
+            for message, category in messages:
                 warnings.warn(message, category, stacklevel=2)
             yield from clips
             progress.update(len(clips))
@@ -386,7 +355,7 @@ def _in_parallel(batches: list, count: int, bad: str) -> Iterator[tuple[list[Rea
         return (_read_batch(batch, bad) for batch in batches)
     from joblib import Parallel, cpu_count, delayed, effective_n_jobs
 
-    jobs, tasks = min(cpu_count(), _MOST_JOBS), [delayed(_read_alone)(batch, bad) for batch in batches]
+    jobs, tasks = min(cpu_count(), _MOST_JOBS), [delayed(_read_batch)(batch, bad, threads=1) for batch in batches]
     try:
         parallel = Parallel(jobs, return_as="generator", pre_dispatch="2*n_jobs")
     except ValueError:  # Dask hands results over together: a few rounds, so that they fit in memory
@@ -395,21 +364,17 @@ def _in_parallel(batches: list, count: int, bad: str) -> Iterator[tuple[list[Rea
     return parallel(tasks)
 
 
-def _read_alone(batch: list[tuple[str, Source]], bad: str) -> tuple[list[Read | None], list[tuple]]:
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # one process a core is enough
+def _read_batch(batch: list[tuple[str, Source]], bad: str, threads: int = 0) -> tuple[list[Read | None], list[tuple]]:
+    """The clips, and the warnings that came with them. threads: of torch; 1 where each core has a process."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(threads or before)
     try:
-        return _read_batch(batch, bad)
+        with warnings.catch_warnings(record=True) as records:
+            warnings.simplefilter("always")
+            clips = [_read(name, source, bad) for name, source in batch]
     finally:
-        torch.set_num_threads(threads)
-
-
-def _read_batch(batch: list[tuple[str, Source]], bad: str) -> tuple[list[Read | None], list[tuple]]:
-    """The clips, and the warnings that came with them."""
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        clips = [_read(name, source, bad) for name, source in batch]
-    return clips, [(str(w.message), w.category) for w in told]
+        torch.set_num_threads(before)
+    return clips, [(str(w.message), w.category) for w in records]
 
 
 def _read(name: str, source: Source, bad: str) -> Read | None:
@@ -432,37 +397,36 @@ def recording_rows(name: str, recording: Recording) -> Read:
     >>> read.rows.shape, json.loads(read.tree)["tracks"]
     ((120, 158), [['contacts', 4]])
     """
-    motion = recording.motion
-    s = motion.skeleton
-    tree = {"names": s.names, "parents": s.parents, "offsets": s.offsets.tolist(), "channels": s.channels}
-    tree |= {"end_sites": s.end_sites, "twins": s.mirror_joints}
+    motion, skeleton = recording.motion, recording.motion.skeleton
+    tree = {
+        "names": skeleton.names,
+        "parents": skeleton.parents,
+        "offsets": skeleton.offsets.tolist(),
+        "channels": skeleton.channels,
+        "end_sites": skeleton.end_sites,
+        "twins": skeleton.mirror_joints,
+    }
     tracks = dict(recording.tracks)
     if "contacts" not in tracks:
-        tracks |= _contacts(motion.replace(skeleton=_shared(json.dumps(tree), s)))
-    for track, numbers in tracks.items():
-        if numbers.ndim != 2 or len(numbers) != len(motion):
+        with suppress(MotionKitError):  # no feet by name: there is no such track then
+            tracks["contacts"] = contacts.foot_contacts(motion.replace(skeleton=_shared(json.dumps(tree), skeleton)))
+    for track, values in tracks.items():
+        if values.ndim != 2 or len(values) != len(motion):
             raise MotionKitError(
                 f"clip {name!r}: expected track {track!r} as [{len(motion)}, K], a row for each frame; found "
-                f"{list(numbers.shape)}"
+                f"{list(values.shape)}"
             )
-    tree["tracks"] = [[track, numbers.shape[1]] for track, numbers in tracks.items()]
+    tree["tracks"] = [[track, values.shape[1]] for track, values in tracks.items()]
     parts = (motion.rotations.flatten(1), motion.translations.flatten(1), *tracks.values())
     rows = torch.cat([part.detach().cpu().float() for part in parts], 1)
     return Read(json.dumps(tree), motion.fps, motion.metres_per_unit, rows.numpy().astype("<f4", copy=False))
 
 
-def _contacts(motion: Motion) -> dict[str, Tensor]:
-    try:
-        return {"contacts": contacts.foot_contacts(motion)}
-    except MotionKitError:  # no feet by name: there is no such track then
-        return {}
-
-
-_kept: dict[str, Skeleton] = {}
+_skeletons: dict[str, Skeleton] = {}
 
 
 def _shared(tree: str, skeleton: Skeleton) -> Skeleton:
     """One object for skeletons that are the same: what it knows of its joints is worked out once."""
-    if len(_kept) > 64:
-        _kept.clear()
-    return _kept.setdefault(tree, skeleton)
+    if len(_skeletons) > 64:
+        _skeletons.clear()
+    return _skeletons.setdefault(tree, skeleton)

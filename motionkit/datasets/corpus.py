@@ -12,20 +12,9 @@ from pathlib import Path
 
 from ..errors import MotionKitError
 from ..files import write_atomic
-from .cache import (
-    FORMAT,
-    Shard,
-    Store,
-    cut_into,
-    forget,
-    in_order,
-    items_key,
-    make_folder,
-    read_shard,
-    relabel,
-    write_shards,
-)
+from .cache import FORMAT, Shard, Store, forget, items_key, make_folder, read_shard, relabel, sort_items, write_shards
 from .dataset import Dataset
+from .loading import list_items
 from .sources import Item
 
 _PLAN = "corpus.json"
@@ -63,7 +52,7 @@ class Corpus(Dataset):
             missing += shards[-1].key != key
         if missing:
             raise MotionKitError(f"{folder}: {missing} of {len(plan)} shards are not made yet; {remedy}")
-        return cls(name, Store(tuple(shards), remedy), tuple(x for shard in shards for x in shard.labels))
+        return cls(name, Store(tuple(shards), remedy), tuple(labels for shard in shards for labels in shard.labels))
 
 
 def _read_plan(folder: Path) -> tuple[str, list[tuple[Path, str]]]:
@@ -111,37 +100,27 @@ def build_cache(
     ...     len(corpus.windows(64, stride=8))
     8
     """
-    _check(bad, shard_clips)
-    items, out = in_order(dataset, _items(root, dataset, options)), Path(out).expanduser()
-    make_folder(out, "choose another folder for the corpus")
-    parts = [(out / _name(n), part) for n, part in enumerate(cut_into(items, shard_clips))]
-    keys = [items_key(part) for _, part in parts]
-    plan = {"format": FORMAT, "name": dataset, "keys": keys}
-    write_atomic(out / _PLAN, json.dumps(plan))
-    whole = [_whole(path, key) for (path, _), key in zip(parts, keys, strict=True)]
-    write_shards([part for part, shard in zip(parts, whole, strict=True) if shard is None], bad)
-    for shard, (_, part) in zip(whole, parts, strict=True):
-        if shard is not None:
-            relabel(shard, part)
-    _tidy(out, len(parts))
-    return Corpus.open(out)
-
-
-def _check(bad: str, shard_clips: int) -> None:
     if bad not in ("stop", "skip") or not isinstance(shard_clips, int) or shard_clips < 1:
         raise MotionKitError(
             f"build_cache: bad is 'stop' or 'skip', shard_clips a number from 1; found {bad!r}, {shard_clips!r}"
         )
-
-
-def _items(root: str | os.PathLike | Sequence[Item], dataset: str, options: dict) -> Sequence[Item]:
-    if not isinstance(root, str | os.PathLike):
-        return root
-    from .loading import list_items
-
-    if dataset == "folder" and not options:
-        options = {"pattern": "{}"}
-    return list_items(dataset, root, **options)
+    if isinstance(root, str | os.PathLike):
+        root = list_items(dataset, root, **options or ({"pattern": "{}"} if dataset == "folder" else {}))
+    items, out = sort_items(dataset, root), Path(out).expanduser()
+    make_folder(out, "choose another folder for the corpus")
+    parts = [items[n : n + shard_clips] for n in range(0, len(items), shard_clips)]
+    paths, keys = [out / _name(n) for n in range(len(parts))], [items_key(part) for part in parts]
+    write_atomic(out / _PLAN, json.dumps({"format": FORMAT, "name": dataset, "keys": keys}))
+    missing = []
+    for path, key, part in zip(paths, keys, parts, strict=True):
+        shard = _whole(path, key)
+        if shard is None:
+            missing.append((path, part))
+        else:
+            relabel(shard, part)
+    write_shards(missing, bad)
+    _tidy(out, len(parts))
+    return Corpus.open(out)
 
 
 def _whole(path: Path, key: str) -> Shard | None:

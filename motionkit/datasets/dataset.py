@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -19,25 +19,11 @@ from ..motion import Motion
 from ..skeleton import Skeleton
 from .cache import Store
 from .sources import Labels, Recording
-from .splits import split_numbers
+from .splits import split_clips
 
 
-@dataclass(frozen=True, eq=False)
-class Clip:
-    """One clip of a dataset: its labels, and its motion, which is read on first use."""
-
-    dataset: Dataset
-    number: int
-
-    @property
-    def name(self) -> str:
-        """The clip's name."""
-        return self.dataset.store.clips[self.number].name
-
-    @property
-    def labels(self) -> Labels:
-        """All labels together."""
-        return self.dataset.labels[self.number]
+class _Labelled:
+    """What a clip and a window of it have in common: the clip's labels, and a recording."""
 
     @property
     def content(self) -> str:
@@ -65,24 +51,48 @@ class Clip:
         return self.labels.performer
 
     @property
-    def take(self) -> str:
-        """What was recorded in one go: clips of one take stay together when a dataset is split."""
-        return self.labels.take or self.name
-
-    @property
     def split(self) -> str:
         """The part that the dataset's makers put it in; empty where they did not."""
         return self.labels.split
 
+    @property
+    def motion(self) -> Motion:
+        """The motion, in metres, where it stood in the clip's world; see `Motion`."""
+        return self.recording.motion
+
+    @property
+    def phase(self) -> Tensor | None:
+        """Where in the cycle of steps a frame is, [F, 1]; None where the dataset does not say."""
+        return self.recording.tracks.get("phase")
+
+
+@dataclass(frozen=True, eq=False)
+class Clip(_Labelled):
+    """One clip of a dataset: its labels, and its motion, which is read on first use. index: among the stored clips."""
+
+    dataset: Dataset
+    index: int
+    start = 0  # a clip is its own window
+
+    @property
+    def name(self) -> str:
+        """The clip's name."""
+        return self.dataset.store.clips[self.index].name
+
+    @property
+    def labels(self) -> Labels:
+        """All labels together."""
+        return self.dataset.labels[self.index]
+
+    @property
+    def take(self) -> str:
+        """What was recorded in one go: clips of one take stay together when a dataset is split."""
+        return self.labels.take or self.name
+
     @cached_property
     def recording(self) -> Recording:
         """Motion and tracks as stored; MotionKitError if the cache has been damaged since it was written."""
-        return self.dataset.store.recording(self.number)
-
-    @property
-    def motion(self) -> Motion:
-        """The motion, in metres; see `Motion`."""
-        return self.recording.motion
+        return self.dataset.store.recording(self.index)
 
     @property
     def contacts(self) -> Tensor:
@@ -90,18 +100,8 @@ class Clip:
         stored = self.recording.tracks.get("contacts")
         return foot_contacts(self.motion) if stored is None else stored.bool()
 
-    @property
-    def phase(self) -> Tensor | None:
-        """Where in the cycle of steps a frame is, [F, 1]; None where the dataset does not say."""
-        return self.recording.tracks.get("phase")
-
-    @property
-    def start(self) -> int:
-        """0: a clip is its own window."""
-        return 0
-
     def __len__(self) -> int:
-        return self.dataset.store.clips[self.number].frames
+        return self.dataset.store.clips[self.index].frames
 
     def __repr__(self) -> str:
         return f"Clip({self.name!r}, {len(self)} frames, content {self.content!r}, style {self.style!r})"
@@ -116,8 +116,10 @@ class Split(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Dataset:
+class Dataset(Sequence):
     """Clips in the order of their names; `ds[0]` is a `Clip`, `ds[:10]` and `ds.filter(style="old")` datasets.
+
+    labels: of all stored clips. indices: which of the stored clips are in this dataset; all where left out.
 
     >>> from motionkit.datasets import BvhSource, Item, Labels, from_items
     >>> walks = {style: BvhSource.at(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old")}
@@ -131,12 +133,11 @@ class Dataset:
     name: str
     store: Store
     labels: tuple[Labels, ...]
-    chosen: tuple[int, ...] | None = None
+    indices: tuple[int, ...] | None = None
 
-    @cached_property
-    def numbers(self) -> tuple[int, ...]:
-        """Which of the stored clips are in this dataset."""
-        return tuple(range(len(self.labels))) if self.chosen is None else self.chosen
+    def __post_init__(self) -> None:
+        if self.indices is None:
+            object.__setattr__(self, "indices", tuple(range(len(self.labels))))
 
     @cached_property
     def contents(self) -> tuple[str, ...]:
@@ -154,7 +155,7 @@ class Dataset:
         return self._values("performer")
 
     def _values(self, label: str) -> tuple[str, ...]:
-        return tuple(sorted({getattr(self.labels[n], label) for n in self.numbers}))
+        return tuple(sorted({getattr(self.labels[n], label) for n in self.indices}))
 
     @cached_property
     def vocabulary(self) -> dict[str, tuple[str, ...]]:
@@ -167,11 +168,10 @@ class Dataset:
 
     @cached_property
     def _ids(self) -> dict[str, Tensor]:
-        found = {}
-        for label, words in self.vocabulary.items():
-            place = {word: n for n, word in enumerate(words)}
-            found[label] = torch.tensor([place[getattr(x, label)] for x in self.labels], dtype=torch.long)
-        return found
+        return {
+            label: torch.from_numpy(np.searchsorted(words, [getattr(x, label) for x in self.labels]))
+            for label, words in self.vocabulary.items()
+        }
 
     @property
     def skeleton(self) -> Skeleton:
@@ -179,28 +179,26 @@ class Dataset:
 
         Raises MotionKitError naming two clips that differ. Bone lengths may differ: they are in the translations.
         """
-        check_alike(self.store, self.numbers, f"dataset {self.name!r}")
-        return self.store.skeleton(self.numbers[0])
+        check_alike(self.store, self.indices, f"dataset {self.name!r}")
+        return self.store.skeleton(self.indices[0])
 
     def __len__(self) -> int:
-        return len(self.numbers)
+        return len(self.indices)
 
     def __repr__(self) -> str:
-        found = f"{len(self.contents)} contents, {len(self.styles)} styles"
-        return f"{type(self).__name__}({self.name!r}, {len(self)} clips, {found})"
+        labels = f"{len(self.contents)} contents, {len(self.styles)} styles"
+        return f"{type(self).__name__}({self.name!r}, {len(self)} clips, {labels})"
 
     @overload
     def __getitem__(self, number: int) -> Clip: ...
     @overload
     def __getitem__(self, number: slice) -> Dataset: ...
     def __getitem__(self, number):
-        return self._some(self.numbers[number]) if isinstance(number, slice) else Clip(self, self.numbers[number])
+        return self.subset(self.indices[number]) if isinstance(number, slice) else Clip(self, self.indices[number])
 
-    def _some(self, numbers: Collection[int]) -> Dataset:
-        return Dataset(self.name, self.store, self.labels, tuple(numbers))
-
-    def __iter__(self) -> Iterator[Clip]:
-        return (self[n] for n in range(len(self)))
+    def subset(self, indices: Collection[int]) -> Dataset:
+        """The clips of these stored indices; see `indices`."""
+        return Dataset(self.name, self.store, self.labels, tuple(indices))
 
     def filter(
         self,
@@ -213,12 +211,16 @@ class Dataset:
 
         Raises MotionKitError for a label that does not occur.
         """
-        numbers = self.numbers
-        for label, asked in (("content", content), ("style", style), ("performer", performer), ("split", split)):
-            if asked is not None:
-                wanted = _wanted(label, asked, self._values(label))
-                numbers = tuple(n for n in numbers if getattr(self.labels[n], label) in wanted)
-        return self._some(numbers)
+        indices = self.indices
+        for label, wanted in (("content", content), ("style", style), ("performer", performer), ("split", split)):
+            if wanted is None:
+                continue
+            there, wanted = self._values(label), {wanted} if isinstance(wanted, str) else set(wanted)
+            if not wanted <= set(there):
+                unknown = min(wanted - set(there))
+                raise MotionKitError(f"no clip has the {label} {unknown!r}; there are {', '.join(there)}")
+            indices = tuple(n for n in indices if getattr(self.labels[n], label) in wanted)
+        return self.subset(indices)
 
     def split(self, by: str | None = None, shares: tuple[float, float, float] | None = None, seed: int = 0) -> Split:
         """Three datasets, `train`, `validation` and `test`, no take in two of them.
@@ -229,7 +231,8 @@ class Dataset:
         takes, performers, ...; they add up to 1 (0.8, 0.1 and 0.1 if left out). seed: another one gives another split,
         the same on every machine. Raises MotionKitError where it cannot be done, and says why.
         """
-        return Split(*map(self._some, split_numbers(self, by, shares, seed)))
+        parts = split_clips(list(self), self.name, by, shares, seed)
+        return Split(*(self.subset([n for n, part in zip(self.indices, parts) if part == which]) for which in range(3)))
 
     def windows(self, length: int, stride: int | None = None, short: str = "skip") -> Windows:
         """Pieces of `length` frames, one every `stride` frames (left out: end to end); see `Windows`.
@@ -237,49 +240,47 @@ class Dataset:
         short: what becomes of frames that fill no window. `skip` leaves them out; `pad` gives a last window that goes
         on in the last pose, with a mask that says so.
         """
-
         return Windows(self, length, length if stride is None else stride, short)
 
     def table(self) -> Table:
         """How many clips there are of each content and style; prints well, in a notebook too."""
-        return count_table(self)
+        down, across = ("content", self.contents), ("style", self.styles)
+        if len(across[1]) > max(len(down[1]), 12):  # the longer kind of label goes down the page
+            down, across = across, down
+        counts = Counter((getattr(self.labels[n], down[0]), getattr(self.labels[n], across[0])) for n in self.indices)
+        rows = [(d, *(counts[d, a] for a in across[1])) for d in down[1]]
+        rows = [(*row, sum(row[1:])) for row in rows]
+        sums = tuple(sum(column) for column in list(zip(*rows))[1:]) if rows else (0,)
+        return Table((f"{down[0]} \\ {across[0]}", *across[1], "all"), (*rows, ("all", *sums)))
 
     def captions(self) -> Table:
         """All sentences, a line each, with clip, content and style."""
-        return caption_table(self)
+        rows = ((clip.name, clip.content, clip.style, text) for clip in self for text in clip.texts)
+        return Table(("clip", "content", "style", "text"), tuple(rows))
 
     def check(self) -> None:
         """Read every clip once; MotionKitError names the first whose numbers are not those that were written."""
-        for number in self.numbers:
-            self.store.check(number)
+        for index in self.indices:
+            self.store.check(index)
 
 
-def check_alike(store: Store, numbers: Collection[int], where: str) -> None:
+def check_alike(store: Store, indices: Collection[int], where: str) -> None:
     """Raises MotionKitError unless these clips share joints, tracks and frame rate, as one batch needs."""
-    numbers = np.asarray(numbers, dtype=np.int64)
-    if not len(numbers):
+    indices = np.asarray(indices, dtype=np.int64)
+    if not len(indices):
         raise MotionKitError(f"{where} has no clips, so no skeleton; check the filter, or the folder it was read from")
-    kinds = store.kinds[numbers]
+    kinds = store.kinds[indices]
     others = np.flatnonzero(kinds != kinds[0])
     if not len(others):
         return
-    found = []
-    for number in (numbers[0], numbers[others[0]]):
-        clip, skeleton = store.clips[number], store.skeleton(number)
-        tracks = ", ".join(store.tracks(number)) or "no tracks"
-        found.append(f"{clip.name!r} has {skeleton!r}, {clip.fps:g} fps, {tracks}")
+    two = []
+    for index in (indices[0], indices[others[0]]):
+        clip, tracks = store.clips[index], ", ".join(store.tracks(index)) or "no tracks"
+        two.append(f"{clip.name!r} has {store.skeleton(index)!r}, {clip.fps:g} fps, {tracks}")
     raise MotionKitError(
-        f"{where}: one skeleton and frame rate are needed here, but {found[0]}, and {found[1]}; take clips of one "
+        f"{where}: one skeleton and frame rate are needed here, but {', and '.join(two)}; take clips of one "
         "kind, or bring them to one with mk.retarget and Motion.resample first"
     )
-
-
-def _wanted(what: str, asked: str | Collection[str], there: tuple[str, ...]) -> set[str]:
-    wanted = {asked} if isinstance(asked, str) else set(asked)
-    unknown = sorted(wanted - set(there))
-    if unknown:
-        raise MotionKitError(f"no clip has the {what} {unknown[0]!r}; there are {', '.join(there)}")
-    return wanted
 
 
 _SHOWN = 40  # lines; the others are in `rows`
@@ -329,35 +330,8 @@ def _side(value: str | int) -> str:
     return "right" if isinstance(value, int) else "left"
 
 
-def count_table(dataset: Dataset) -> Table:
-    """Clips of each content and style; the more numerous kind of label goes down the page, if it is a long one."""
-    down, across = ("content", dataset.contents), ("style", dataset.styles)
-    if len(across[1]) > max(len(down[1]), 12):
-        down, across = across, down
-    counts = Counter(
-        (getattr(dataset.labels[n], down[0]), getattr(dataset.labels[n], across[0])) for n in dataset.numbers
-    )
-    rows = [(d, *(counts[d, a] for a in across[1])) for d in down[1]]
-    rows = [(*row, sum(row[1:])) for row in rows]
-    sums = tuple(sum(column) for column in list(zip(*rows))[1:]) if rows else (0,)
-    return Table((f"{down[0]} \\ {across[0]}", *across[1], "all"), (*rows, ("all", *sums)))
-
-
-def caption_table(dataset: Dataset) -> Table:
-    """Every sentence of every clip."""
-    rows = (
-        (dataset.store.clips[n].name, label.content, label.style, text)
-        for n, label in ((n, dataset.labels[n]) for n in dataset.numbers)
-        for text in label.texts
-    )
-    return Table(("clip", "content", "style", "text"), tuple(rows))
-
-
-_SHORT = ("skip", "pad")
-
-
 @dataclass(frozen=True, eq=False)
-class Window:
+class Window(_Labelled):
     """Frames `start` to `start + length` of a clip; the last of them may lie beyond its end (see `valid`)."""
 
     clip: Clip
@@ -365,19 +339,9 @@ class Window:
     length: int
 
     @property
-    def content(self) -> str:
-        """The clip's content."""
-        return self.clip.content
-
-    @property
-    def style(self) -> str:
-        """The clip's style."""
-        return self.clip.style
-
-    @property
-    def text(self) -> str:
-        """The clip's best sentence."""
-        return self.clip.text
+    def labels(self) -> Labels:
+        """All labels of the clip."""
+        return self.clip.labels
 
     @property
     def name(self) -> str:
@@ -397,18 +361,13 @@ class Window:
     @cached_property
     def recording(self) -> Recording:
         """Motion and tracks of these frames, padded; nothing else of the clip is read."""
-        found = self.clip.dataset.store.recording(self.clip.number, self.start, self.start + self.frames)
+        stored = self.clip.dataset.store.recording(self.clip.index, self.start, self.start + self.frames)
+        motion, tracks = stored.motion.replace(name=self.name), stored.tracks
         if self.frames < self.length:
             at = torch.arange(self.length).clamp(max=self.frames - 1)
-            motion = found.motion
-            held = motion.replace(rotations=motion.rotations[at], translations=motion.translations[at])
-            found = Recording(held, {name: track[at] for name, track in found.tracks.items()})
-        return Recording(found.motion.replace(name=self.name), found.tracks)
-
-    @property
-    def motion(self) -> Motion:
-        """The frames as a motion, in metres, where they stood in the clip's world."""
-        return self.recording.motion
+            motion = motion.replace(rotations=motion.rotations[at], translations=motion.translations[at])
+            tracks = {name: track[at] for name, track in tracks.items()}
+        return Recording(motion, tracks)
 
     @property
     def contacts(self) -> Tensor:
@@ -451,22 +410,21 @@ class Windows(Sequence):
         for what, value in (("length", self.length), ("stride", self.stride)):
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
                 raise MotionKitError(f"windows: {what} is a number of frames from 1; found {value!r}")
-        if self.short not in _SHORT:
-            raise MotionKitError(f"windows: short is {' or '.join(map(repr, _SHORT))}; found {self.short!r}")
+        if self.short not in ("skip", "pad"):
+            raise MotionKitError(f"windows: short is 'skip' or 'pad'; found {self.short!r}")
         if len(self.dataset) and not len(self):
-            longest = self._frames.max()
             raise MotionKitError(
-                f"dataset {self.dataset.name!r}: no clip has {self.length} frames; the longest has {longest}: choose "
-                'a smaller length, or short="pad"'
+                f"dataset {self.dataset.name!r}: no clip has {self.length} frames; the longest has "
+                f'{self._frames.max()}: choose a smaller length, or short="pad"'
             )
 
     @cached_property
-    def _numbers(self) -> np.ndarray:
-        return np.array(self.dataset.numbers, dtype=np.int64)
+    def _indices(self) -> np.ndarray:
+        return np.array(self.dataset.indices, dtype=np.int64)
 
     @cached_property
     def _frames(self) -> np.ndarray:
-        return self.dataset.store.frames[self._numbers]
+        return self.dataset.store.frames[self._indices]
 
     @cached_property
     def _counts(self) -> np.ndarray:
@@ -493,22 +451,19 @@ class Windows(Sequence):
     def __getitem__(self, number):
         if isinstance(number, slice):
             return [self[n] for n in range(len(self))[number]]
-        found = range(len(self))[number]
-        clip = int(np.searchsorted(self._ends, found, "right"))
-        start = (found - int(self._ends[clip] - self._counts[clip])) * self.stride
+        number = range(len(self))[number]
+        clip = int(np.searchsorted(self._ends, number, "right"))
+        start = (number - int(self._ends[clip] - self._counts[clip])) * self.stride
         return Window(self.dataset[clip], start, self.length)
-
-    def __iter__(self) -> Iterator[Window]:
-        return (self[n] for n in range(len(self)))
 
     @property
     def skeleton(self) -> Skeleton:
         """As `Dataset.skeleton`."""
         return self.dataset.skeleton
 
-    def clip_numbers(self) -> Tensor:
-        """For each window the stored number of its clip, long [N]."""
-        return torch.from_numpy(np.repeat(self._numbers, self._counts))
+    def clip_indices(self) -> Tensor:
+        """For each window the stored index of its clip, long [N]."""
+        return torch.from_numpy(np.repeat(self._indices, self._counts))
 
     def split(self, *_, **__) -> None:
         """Always a MotionKitError: windows of one clip share frames, or nearly, so a test on some would leak."""

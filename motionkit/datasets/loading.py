@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from ..errors import MotionKitError
 from . import captures, performed
-from .cache import in_order, open_store
+from .cache import open_store, sort_items
 from .dataset import Dataset
 from .sources import Item
 
@@ -46,15 +46,15 @@ def list_items(name: str, root: str | os.PathLike | None = None, **options) -> S
     """
     if name not in _READERS:
         raise MotionKitError(f"no dataset {name!r}; there are {', '.join(map(repr, names()))}")
-    items = _READERS[name]
-    known = list(inspect.signature(items).parameters)[2:]
+    read = _READERS[name]
+    known = list(inspect.signature(read).parameters)[2:]
     if not set(options) <= set(known):
         unknown = min(set(options) - set(known))
         raise MotionKitError(f"dataset {name!r} has no option {unknown!r}; it has {', '.join(known) or 'none'}")
-    found = items(name, root, **options)
-    if not found:
+    items = read(name, root, **options)
+    if not items:
         raise MotionKitError(f"{root}: no clips of {name} here; give the folder or zip that has them")
-    return found
+    return items
 
 
 def load(name: str = "actor", root: str | os.PathLike | None = None, **options) -> Dataset:
@@ -84,5 +84,5 @@ def from_items(name: str, items: Sequence[Item]) -> Dataset:
     >>> from_items("mine", [Item("walk_1", Labels("walk", "neutral", ("a person walks",)), source)])
     Dataset('mine', 1 clips, 1 contents, 1 styles)
     """
-    items = in_order(name, items)
+    items = sort_items(name, items)
     return Dataset(name, open_store(name, items), tuple(item.labels for item in items))

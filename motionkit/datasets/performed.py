@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import os
 import random
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
@@ -57,8 +56,8 @@ class ActorSource:
     @property
     def state(self) -> str:
         """What is asked for, and the version of the performer."""
-        asked = (self.creature, self.content, self.style, self.seed, self.performer, f"{self.seconds:.4f}")
-        return " ".join(map(str, (actor.VERSION, *asked)))
+        wish = (self.creature, self.content, self.style, self.seed, self.performer, f"{self.seconds:.4f}")
+        return " ".join(map(str, (actor.VERSION, *wish)))
 
     def perform(self) -> Performance:
         """The clip with all that is known of it; `motionkit.actor.retell` tells it in another style."""
@@ -67,16 +66,15 @@ class ActorSource:
 
     def read(self) -> Recording:
         """The motion, with contacts [F, K], and phase and beats [F, 1]; see `Performance`."""
-        made = self.perform()
-        return Recording(
-            made.motion, {"contacts": made.contacts, "phase": made.phase[:, None], "beats": made.beats[:, None]}
-        )
+        performance = self.perform()
+        phase, beats = performance.phase[:, None], performance.beats[:, None]
+        return Recording(performance.motion, {"contacts": performance.contacts, "phase": phase, "beats": beats})
 
     def positions(self) -> Tensor:
         """Where the joints are, [F, J, 3] metres, float64."""
-        made = self.perform()
-        tell = performing.synthesize_creature if self.creature else synthesize
-        return tell(made.score, made.style, made.performer, FPS, len(made))[0].positions()
+        clip = self.perform()
+        make = performing.synthesize_creature if self.creature else synthesize
+        return make(clip.score, clip.style, clip.performer, FPS, len(clip))[0].positions()
 
 
 def items(name: str = "actor", root: str | os.PathLike | None = None) -> list[Item]:
@@ -93,27 +91,21 @@ def items(name: str = "actor", root: str | os.PathLike | None = None) -> list[It
     """
     if root is not None:
         raise MotionKitError(f"dataset {name!r} is made here, not read; leave root={os.fspath(root)!r} out")
-    asked = _creatures() if name == "creatures" else _people(STYLES[name])
-    found = []
-    for kind, (creature, content, style) in enumerate(asked):
+    if name == "creatures":
+        kinds = [(c, content) for c in performing.CREATURES for content in performing.get_creature(c).contents]
+        clips = [(creature, content, style) for creature, content in kinds for style in TRAIN_STYLES]
+    else:
+        clips = [("", content, style) for content in CONTENTS for style in STYLES[name]]
+    items = []
+    for kind, (creature, content, style) in enumerate(clips):
         take = 0
         for part, count in TAKES[name].items():
             for n in range(count):
                 person = PERFORMERS[part][(kind * count + n) % len(PERFORMERS[part])]
                 seed = _FIRST_SEED[name] + 32 * kind + take
-                found.append(_item(creature, content, style, seed, person, take, part))
+                items.append(_item(creature, content, style, seed, person, take, part))
                 take += 1
-    return sorted(found, key=lambda item: item.name)
-
-
-def _people(styles: tuple[str, ...]) -> Iterator[tuple[str, str, str]]:
-    return (("", content, style) for content in CONTENTS for style in styles)
-
-
-def _creatures() -> Iterator[tuple[str, str, str]]:
-    for kind in performing.CREATURES:
-        for content in performing.get_creature(kind).contents:
-            yield from ((kind, content, style) for style in TRAIN_STYLES)
+    return sorted(items, key=lambda item: item.name)
 
 
 def _item(creature: str, content: str, style: str, seed: int, person: int, take: int, part: str) -> Item:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import BinaryIO, NamedTuple, Protocol
 
 from torch import Tensor
 
@@ -20,17 +20,9 @@ from ..files import cache_folder, read_bytes
 from ..motion import Motion
 
 # What reading from a damaged, encrypted or exotic archive raises.
-UNREADABLE = (
-    OSError,
-    ValueError,
-    KeyError,
-    RuntimeError,
-    NotImplementedError,
-    EOFError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-_LARGEST_TEXT = 1 << 26  # bytes of one table or label file; a guard against archives made to fill the memory
+UNREADABLE = (OSError, ValueError, LookupError, RuntimeError, EOFError, zipfile.BadZipFile, zlib.error)
+# Bytes of one table or label file, and of one clip: a guard against archives made to fill the memory.
+_LARGEST_TEXT, _LARGEST_CLIP = 1 << 26, 1 << 28
 
 
 @dataclass(frozen=True)
@@ -51,6 +43,15 @@ class File:
     size: int
     changed: int
 
+    @classmethod
+    def at(cls, path: str | os.PathLike) -> File:
+        """A file on disk, whose place is the path as given; MotionKitError if there is none."""
+        try:
+            state = os.stat(path)
+        except OSError as error:
+            raise MotionKitError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+        return cls(Path(path).as_posix(), os.fspath(path), None, state.st_size, state.st_mtime_ns)
+
     @property
     def name(self) -> str:
         """The last part of the path."""
@@ -66,9 +67,37 @@ class File:
         """The file as messages call it."""
         return self.path if self.member is None else f"{self.path}/{self.member}"
 
-    def bvh(self, start: int = 0, stop: int | None = None) -> BvhSource:
-        """The source of a clip that is this file, or its frames from `start` up to `stop` (not included)."""
-        return BvhSource(self.path, self.member, self.size, self.changed, start, stop)
+    def open(self) -> BinaryIO:
+        """The file's bytes, to be read; raises any of UNREADABLE."""
+        if self.member is None:
+            return open(self.path, "rb")
+        return _archive(self.path, os.stat(self.path).st_mtime_ns).open(self.member)
+
+    def head(self, size: int) -> bytes:
+        """The first `size` bytes; MotionKitError if they cannot be read."""
+        try:
+            with self.open() as opened:
+                return opened.read(size)
+        except UNREADABLE as error:
+            raise MotionKitError(f"{self.where}: cannot be read ({error}); get the data again") from None
+
+    def text(self) -> str:
+        """What a small text file says; MotionKitError if it cannot be read, is no UTF-8 or too large to be a table.
+
+        >>> File.at("data/actor/walk_old.bvh").text()[:9]
+        'HIERARCHY'
+        """
+        if self.size > _LARGEST_TEXT:
+            raise MotionKitError(f"{self.where}: {self.size} bytes, which is no table; get the data again")
+        try:
+            return self.head(_LARGEST_TEXT).decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise MotionKitError(f"{self.where}: expected UTF-8 text; found {error}; save it as UTF-8") from None
+
+
+@lru_cache(maxsize=1)  # listing the members of a large archive takes longer than reading one of them
+def _archive(path: str, _changed: int) -> zipfile.ZipFile:
+    return zipfile.ZipFile(path)
 
 
 @dataclass(frozen=True)
@@ -97,12 +126,12 @@ def data_folder() -> Path:
     ...     print(data_folder())
     my data
     """
-    given = os.environ.get("MOTIONKIT_DATA")
-    return Path(given).expanduser() if given else cache_folder() / "captures"
+    folder = os.environ.get("MOTIONKIT_DATA")
+    return Path(folder).expanduser() if folder else cache_folder() / "captures"
 
 
-def find(wanted: Wanted, root: str | os.PathLike | None) -> list[File]:
-    """The dataset's files in the order of their places; what is left of archives for unpacking is passed over.
+def find(wanted: Wanted, root: str | os.PathLike | None) -> tuple[list[File], list[File]]:
+    """The dataset's clips and its other files, in the order of their places; what unpacking left over is passed over.
 
     root: a folder that has them somewhere below it, or whose zip has them, or a zip; left out, `data_folder()`. Files
     and folders with a dot in front count as hidden. Raises MotionKitError where no clip is found.
@@ -113,21 +142,21 @@ def find(wanted: Wanted, root: str | os.PathLike | None) -> list[File]:
     motionkit.errors.MotionKitError: nowhere: no such file or folder; record some
     """
     place = _root(wanted, root)
-    broken = None
-    for part in [place, *sorted(place.glob("*.zip"))] if place.is_dir() else [place]:
-        if part != place and part.name.startswith("."):
-            continue
+    damage = None
+    for part in [place, *sorted(place.glob("[!.]*.zip"))] if place.is_dir() else [place]:
         try:
-            found = sorted(_in_folder(wanted, part) if part.is_dir() else _in_zip(wanted, part), key=lambda f: f.place)
+            files = sorted(_in_folder(wanted, part) if part.is_dir() else _in_zip(wanted, part), key=lambda f: f.place)
         except MotionKitError as error:  # another zip may have the clips
-            broken = broken or error
+            damage = damage or error
             continue
-        if any(wanted.clips.fullmatch(file.name) for file in found):
-            return found
-    raise broken or MotionKitError(f"{place}: no clips of {wanted.name} here ({wanted.shape}); {wanted.how}")
+        clips = [file for file in files if wanted.clips.fullmatch(file.name)]
+        if clips:
+            return clips, sorted(set(files) - set(clips), key=lambda f: f.place)
+    raise damage or MotionKitError(f"{place}: no clips of {wanted.name} here ({wanted.shape}); {wanted.how}")
 
 
 def _root(wanted: Wanted, root: str | os.PathLike | None) -> Path:
+    """Where to look; MotionKitError if that is nowhere."""
     if root is not None:
         place = Path(root).expanduser()
     else:
@@ -172,62 +201,10 @@ def unique(files: Iterable[File]) -> list[File]:
     >>> [file.place for file in unique(twice)]
     ['copy/a.bvh']
     """
-    found: dict[str, File] = {}
+    first: dict[str, File] = {}
     for file in sorted(files, key=lambda f: (f.stem, f.place)):
-        found.setdefault(file.stem, file)
-    return list(found.values())
-
-
-def read_texts(files: Iterable[File]) -> Iterator[tuple[File, str]]:
-    """The small text files among those found, with what they say; each archive is opened once.
-
-    Raises MotionKitError for a file that cannot be read, is no UTF-8 text or is too large to be a table.
-
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder, "a.txt")
-    ...     _ = path.write_text("hello")
-    ...     [text for _, text in read_texts([File("a.txt", str(path), None, 5, 0)])]
-    ['hello']
-    """
-    for file, data in read_heads(files, _LARGEST_TEXT):
-        if file.size > _LARGEST_TEXT:
-            raise MotionKitError(f"{file.where}: {file.size} bytes, which is no table; get the data again")
-        try:
-            yield file, data.decode("utf-8-sig")
-        except UnicodeDecodeError as error:
-            raise MotionKitError(f"{file.where}: expected UTF-8 text; found {error}; save it as UTF-8") from None
-
-
-def read_heads(files: Iterable[File], size: int) -> Iterator[tuple[File, bytes]]:
-    """The files, each with its first `size` bytes; each archive is opened once. MotionKitError for one not readable.
-
-    >>> list(read_heads([], 10))
-    []
-    """
-    archives: dict[str, zipfile.ZipFile] = {}
-    try:
-        for file in files:
-            yield file, _head(file, size, archives)
-    finally:
-        for archive in archives.values():
-            archive.close()
-
-
-def _head(file: File, size: int, archives: dict[str, zipfile.ZipFile]) -> bytes:
-    try:
-        if file.member is None:
-            with open(file.path, "rb") as opened:
-                return opened.read(size)
-        if file.path not in archives:
-            archives[file.path] = zipfile.ZipFile(file.path)
-        with archives[file.path].open(file.member) as opened:
-            return opened.read(size)
-    except UNREADABLE as error:
-        raise MotionKitError(f"{file.where}: cannot be read ({error}); get the data again") from None
-
-
-_LARGEST = 1 << 28  # bytes of one clip; a guard against archives made to fill the memory
+        first.setdefault(file.stem, file)
+    return list(first.values())
 
 
 class Labels(NamedTuple):
@@ -282,15 +259,9 @@ class Item:
 
 @dataclass(frozen=True)
 class BvhSource:
-    """A BVH file, or a member of a zip. start, stop: the frames of it that are the clip; all where left out.
+    """A BVH file, on disk or in a zip. start, stop: the frames of it that are the clip; all where left out."""
 
-    size: bytes. changed: a number that changes with the content (time of the last change, or a member's CRC).
-    """
-
-    path: str
-    member: str | None
-    size: int
-    changed: int
+    file: File
     start: int = 0
     stop: int | None = None
 
@@ -301,44 +272,41 @@ class BvhSource:
         >>> BvhSource.at("data/actor/walk_old.bvh", 10, 20).read().motion
         Motion('walk_old', 10 frames at 30 fps, 0.3 s, 22 joints)
         """
-        try:
-            state = os.stat(path)
-        except OSError as error:
-            raise MotionKitError(f"{path}: cannot be read: {error.strerror}; check the path") from None
-        return cls(os.fspath(path), None, state.st_size, state.st_mtime_ns, start, stop)
+        return cls(File.at(path), start, stop)
+
+    @property
+    def size(self) -> int:
+        """Bytes to read."""
+        return self.file.size
 
     @property
     def state(self) -> str:
         """Size, date and cut."""
-        return f"{self.size} {self.changed} {self.start}:{self.stop}"
+        return f"{self.file.size} {self.file.changed} {self.start}:{self.stop}"
 
     def read(self) -> Recording:
         """The clip's frames; MotionKitError where the file is broken or the cut reaches beyond its end."""
-        where = self.path if self.member is None else f"{self.path}/{self.member}"
-        motion = parse(self._bytes(), where)
+        motion = parse(self.data(), self.file.where)
         if self.stop is None and not self.start:
             return Recording(motion)
         stop = len(motion) if self.stop is None else self.stop
         if not 0 <= self.start < stop <= len(motion):
             raise MotionKitError(
-                f"{where}: the table of cuts says frames {self.start} to {stop}; the file has {len(motion)}; "
+                f"{self.file.where}: the table of cuts says frames {self.start} to {stop}; the file has {len(motion)}; "
                 "take table and files from the same release"
             )
         return Recording(motion[self.start : stop])
 
-    def _bytes(self) -> bytes:
-        if self.size > _LARGEST:
-            raise MotionKitError(f"{self.path}: {self.size} bytes, which is no clip; get the data again")
-        if self.member is None:
-            return read_bytes(self.path)
+    def data(self) -> bytes:
+        """The whole file; MotionKitError if it cannot be read, or is too large to be a clip."""
+        if self.size > _LARGEST_CLIP:
+            raise MotionKitError(f"{self.file.path}: {self.size} bytes, which is no clip; get the data again")
+        if self.file.member is None:
+            return read_bytes(self.file.path)
         try:
-            return _archive(self.path).read(self.member)
-        except (OSError, KeyError, RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
+            with self.file.open() as member:
+                return member.read()
+        except UNREADABLE as error:
             raise MotionKitError(
-                f"{self.path}: {self.member} cannot be read ({error}); get the archive again"
+                f"{self.file.path}: {self.file.member} cannot be read ({error}); get the archive again"
             ) from None
-
-
-@lru_cache(maxsize=1)  # listing the members of a large archive takes longer than reading one of them
-def _archive(path: str) -> zipfile.ZipFile:
-    return zipfile.ZipFile(path)

@@ -13,75 +13,71 @@ from typing import Protocol, TypeVar
 from ..errors import MotionKitError
 
 _KINDS = ("take", "performer", "content", "style", "given")
+_PARTS = {"train": 0, "training": 0, "validation": 1, "val": 1, "test": 2}
 _T = TypeVar("_T")
 
 
 class Labelled(Protocol):
-    """What splitting needs of a `Dataset`."""
+    """What splitting needs of a `Clip`."""
 
     name: str
-    numbers: Sequence[int]
-    labels: Sequence
-    store: object
+    take: str
+    content: str
+    style: str
+    performer: str
+    split: str
 
 
-def split_numbers(
-    dataset: Labelled, by: str | None, shares: Sequence[float] | None, seed: int
-) -> tuple[list[int], list[int], list[int]]:
-    """Numbers of the clips of train, validation and test, in the dataset's order; see `Dataset.split`."""
+def split_clips(
+    clips: Sequence[Labelled], name: str, by: str | None, shares: Sequence[float] | None, seed: int
+) -> list[int]:
+    """For each clip its part: 0 to train, 1 to validate, 2 to test; see `Dataset.split`. name: the dataset's."""
     if by is None:
-        given = shares is None and dataset.numbers and all(dataset.labels[n].split for n in dataset.numbers)
-        by = "given" if given else "take"
+        by = "given" if shares is None and clips and all(clip.split for clip in clips) else "take"
     if by not in _KINDS:
         raise MotionKitError(f"a dataset is split by {', '.join(map(repr, _KINDS))}; found by={by!r}")
-    if by == "given" and shares is not None:
-        raise MotionKitError("the split of the dataset's makers has shares of its own; leave shares out, or by='take'")
     if by == "given":
-        part_of = _given(dataset)
-    else:
-        shares = _checked((0.8, 0.1, 0.1) if shares is None else shares)
-        groups = _take_groups(dataset, seed) if by == "take" else _label_groups(dataset, by, seed)
-        counts = _counts(len(groups), shares, by)
-        part_of = {n: part for group, part in zip(groups, _deal(counts)) for n in group}
-    return tuple([n for n in dataset.numbers if part_of[n] == part] for part in range(3))
+        if shares is not None:
+            raise MotionKitError(
+                "the split of the dataset's makers has shares of its own; leave shares out, or by='take'"
+            )
+        _check_given(clips, name)
+        return [_PARTS[clip.split] for clip in clips]
+    shares = _check_shares((0.8, 0.1, 0.1) if shares is None else shares)
+    groups = _take_groups(clips, seed) if by == "take" else _label_groups(clips, name, by, seed)
+    parts = {clip: part for group, part in zip(groups, _deal(_counts(len(groups), shares, by))) for clip in group}
+    return [parts[clip] for clip in clips]
 
 
-def _checked(shares: Sequence[float]) -> tuple[float, ...]:
+def _check_shares(shares: Sequence[float]) -> tuple[float, ...]:
+    """The shares as numbers; MotionKitError unless three that add up to 1."""
     try:
-        found = tuple(map(float, shares))
+        numbers = tuple(map(float, shares))
     except (TypeError, ValueError):
-        found = ()
-    if len(found) != 3 or not all(0 <= s <= 1 for s in found) or abs(sum(found) - 1) > 1e-6:
+        numbers = ()
+    if len(numbers) != 3 or not all(0 <= s <= 1 for s in numbers) or abs(sum(numbers) - 1) > 1e-6:
         raise MotionKitError(
             f"shares must be three numbers from 0 that add up to 1, for train, validation and test, as (0.8, 0.1, "
             f"0.1); found {shares!r}"
         )
-    return found
+    return numbers
 
 
-def _given(dataset: Labelled) -> dict[int, int]:
-    """The makers' part of each clip; MotionKitError where there is none, or a take is in two."""
-    names = {"train": 0, "training": 0, "validation": 1, "val": 1, "test": 2}
-    found, takes = {}, {}
-    for n in dataset.numbers:
-        name, said = dataset.store.clips[n].name, dataset.labels[n].split
-        if said not in names:
-            what = f"is in part {said!r}; expected train, validation or test" if said else "is in no part"
+def _check_given(clips: Sequence[Labelled], name: str) -> None:
+    """A MotionKitError where a clip is in no part of its makers', or a take is in two."""
+    takes: dict[str, Labelled] = {}
+    for clip in clips:
+        if clip.split not in _PARTS:
+            fault = f"is in part {clip.split!r}; expected train, validation or test" if clip.split else "is in no part"
             raise MotionKitError(
-                f"dataset {dataset.name!r} has no whole split by its makers: clip {name!r} {what}; split by='take'"
+                f"dataset {name!r} has no whole split by its makers: clip {clip.name!r} {fault}; split by='take'"
             )
-        found[n] = names[said]
-        first = takes.setdefault(_take(dataset, n), n)
-        if found[first] != found[n]:
+        first = takes.setdefault(clip.take, clip)
+        if _PARTS[first.split] != _PARTS[clip.split]:
             raise MotionKitError(
-                f"dataset {dataset.name!r}: its makers put clips of take {_take(dataset, n)!r} into two parts "
-                f"({dataset.store.clips[first].name!r} and {name!r}), so the test would leak; split by='take'"
+                f"dataset {name!r}: its makers put clips of take {clip.take!r} into two parts "
+                f"({first.name!r} and {clip.name!r}), so the test would leak; split by='take'"
             )
-    return found
-
-
-def _take(dataset: Labelled, number: int) -> str:
-    return dataset.labels[number].take or dataset.store.clips[number].name
 
 
 def _mixed(seed: int, values: Iterable[_T]) -> list[_T]:
@@ -90,38 +86,36 @@ def _mixed(seed: int, values: Iterable[_T]) -> list[_T]:
 
 
 def _grouped(pairs: Iterable[tuple[Hashable, _T]]) -> dict[Hashable, list[_T]]:
-    found: dict[Hashable, list[_T]] = {}
+    """Values by their keys."""
+    groups: dict[Hashable, list[_T]] = {}
     for key, value in pairs:
-        found.setdefault(key, []).append(value)
-    return found
+        groups.setdefault(key, []).append(value)
+    return groups
 
 
-def _take_groups(dataset: Labelled, seed: int) -> list[list[int]]:
+def _take_groups(clips: Sequence[Labelled], seed: int) -> list[list[Labelled]]:
     """Clips of each take; takes of the same content and style stand together, so that dealing stratifies."""
-    takes = _grouped((_take(dataset, n), n) for n in dataset.numbers)
-    kinds = _grouped((tuple(sorted({dataset.labels[n][:2] for n in clips})), take) for take, clips in takes.items())
+    takes = _grouped((clip.take, clip) for clip in clips)
+    kinds = _grouped((tuple(sorted({(c.content, c.style) for c in group})), take) for take, group in takes.items())
     return [takes[take] for kind in _mixed(seed, kinds) for take in _mixed(seed, kinds[kind])]
 
 
-def _label_groups(dataset: Labelled, by: str, seed: int) -> list[list[int]]:
+def _label_groups(clips: Sequence[Labelled], name: str, by: str, seed: int) -> list[list[Labelled]]:
     """Clips of each performer, content or style; those that a take ties together are one group."""
-    if by == "performer" and not all(dataset.labels[n].performer for n in dataset.numbers):
-        nobody = next(n for n in dataset.numbers if not dataset.labels[n].performer)
+    for clip in clips:
+        if by == "performer" and not clip.performer:
+            raise MotionKitError(f"dataset {name!r} does not say who performs clip {clip.name!r}; split by='take'")
+    ties: dict[str, set[str]] = {}
+    for labels in _grouped((clip.take, getattr(clip, by)) for clip in clips).values():
+        tied = set(labels).union(*(ties.get(label, ()) for label in labels))
+        ties |= dict.fromkeys(tied, tied)
+    if len(ties) > 1 and len(next(iter(ties.values()))) == len(ties):
         raise MotionKitError(
-            f"dataset {dataset.name!r} does not say who performs clip {dataset.store.clips[nobody].name!r}; "
-            "split by='take'"
+            f"dataset {name!r}: its takes tie all {len(ties)} {by}s together (a take holds several), so none can be "
+            "kept apart; split by='take'"
         )
-    groups: dict[str, set[str]] = {}
-    for values in _grouped((_take(dataset, n), getattr(dataset.labels[n], by)) for n in dataset.numbers).values():
-        tied = set(values).union(*(groups.get(v, ()) for v in values))
-        groups |= dict.fromkeys(tied, tied)
-    if len(groups) > 1 and len(next(iter(groups.values()))) == len(groups):
-        raise MotionKitError(
-            f"dataset {dataset.name!r}: its takes tie all {len(groups)} {by}s together (a take holds several), so "
-            f"none can be kept apart; split by='take'"
-        )
-    clips = _grouped((min(groups[getattr(dataset.labels[n], by)]), n) for n in dataset.numbers)
-    return [clips[first] for first in _mixed(seed, clips)]
+    groups = _grouped((min(ties[getattr(clip, by)]), clip) for clip in clips)
+    return [groups[first] for first in _mixed(seed, groups)]
 
 
 def _counts(total: int, shares: tuple[float, ...], by: str) -> list[int]:
@@ -141,11 +135,7 @@ def _counts(total: int, shares: tuple[float, ...], by: str) -> list[int]:
 
 
 def _deal(counts: Sequence[int]) -> Iterable[int]:
-    """Parts 0, 1, 2 in `counts`, each spread evenly: any run of groups gets nearly the same shares.
-
-    >>> list(_deal((4, 1, 1)))
-    [0, 1, 0, 2, 0, 0]
-    """
+    """Parts 0, 1, 2 in `counts`, each spread evenly: any run of groups gets nearly the same shares."""
     dealt = [0] * len(counts)
     for n in range(1, sum(counts) + 1):
         wants = [c * n / sum(counts) - d if d < c else -1.0 for c, d in zip(counts, dealt)]

@@ -345,7 +345,7 @@ class Linear(StyleTransfer):
         """Pairs of the first takes of each content in a style, of bodies of the content's kind if there are such."""
         found: dict[str, list[int]] = {}
         library = self.pairs.library
-        for number in library.numbers:
+        for number in library.indices:
             if library.labels[number].style == label:
                 found.setdefault(library.labels[number].content, []).append(number)
         chosen = [(self.pairs.clip(n), content) for content, ns in found.items() for n in ns[: self.takes]]

@@ -148,7 +148,7 @@ class NeutralPairs:
         Raises MotionKitError for a content that the whole dataset does not have.
         """
         labels = self.library.labels
-        found = [n for n in self.library.numbers if labels[n].style in NEUTRAL]
+        found = [n for n in self.library.indices if labels[n].style in NEUTRAL]
         if content is not None and content not in self.library.vocabulary["content"]:
             known = ", ".join(self.library.vocabulary["content"])
             raise MotionKitError(f"library {self.library.name!r} knows no content {content!r}; it has {known}")

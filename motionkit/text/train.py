@@ -151,7 +151,7 @@ def _draw(train: Dataset, features: FeatureCache, normalizer: Normalizer) -> Cal
         of = [classes[n] for n in clips.tolist()] + [(one.content, one.style) for one in others]
         return {
             "texts": [first for first, _ in pairs] + [second for _, second in pairs] + odd,
-            "motion": normalizer.normalize(features.draw(clips, FRAMES)),
+            "motion": normalizer.normalize(features.sample(clips, FRAMES)),
             "same": torch.tensor([[a == b for b in of] for a in of]),
             "names": [train[n].name for n in clips.tolist()],
         }

@@ -4,7 +4,6 @@ import gzip
 import hashlib
 import io
 import json
-import logging
 import os
 import stat
 import threading
@@ -13,16 +12,21 @@ import zipfile
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
+import pooch
 import pytest
-from small_files import fails
 from test_bvh import CHAIN
 
+import motionkit as mk
 from motionkit.datasets import captures, download
 
 CLIPS = [f"data/dataset-2_walk_elderly_{take:03d}" for take in range(1, 6)]
 FILES = {f"{clip}.bvh": CHAIN.replace("5 6 7", f"{n} 6 7").encode() for n, clip in enumerate(CLIPS)}
 FILES |= {f"{clip}.json": b'{"content": 0, "style": 1}' for clip in CLIPS}
 FILES |= {"LICENSE": os.urandom(50_000).hex().encode()}
+
+
+def fails(message: str):
+    return pytest.raises(mk.MotionKitError, match=message)
 
 
 def packed(files: dict[str, bytes], prefix: str = "repo-1/dataset/") -> bytes:
@@ -40,7 +44,7 @@ class Server(ThreadingHTTPServer):
     def __init__(self) -> None:
         super().__init__(("127.0.0.1", 0), Answer)
         self.body, self.drops, self.ranges, self.length, self.status = packed(FILES), [], True, True, []
-        self.asked: list[str | None] = []
+        self.moved, self.asked = False, []
         self.address = f"http://127.0.0.1:{self.server_port}/a.zip"
 
 
@@ -52,6 +56,11 @@ class Answer(BaseHTTPRequestHandler):
         server.asked.append(asked)
         if server.status:
             return self.send_error(server.status.pop(0))
+        if server.moved and self.path == "/a.zip":
+            self.send_response(302)
+            self.send_header("Location", "/b.zip")
+            self.send_header("Content-Length", "0")
+            return self.end_headers()
         start = int(asked.removeprefix("bytes=").rstrip("-")) if asked and server.ranges else 0
         if start >= len(server.body):
             self.send_response(416)
@@ -123,7 +132,6 @@ def test_fetched_data_are_found(server, tmp_path, capsys):
     assert "CC BY-NC 4.0: not for sale." in told and "(c) somebody; please cite them." in told
     assert [item.name for item in captures.bandai_items("bandai-2")] == [clip.removeprefix("data/") for clip in CLIPS]
     assert download.fetch("bandai-2") == target and len(server.asked) == 1
-    assert logging.getLogger("pooch").level != logging.WARNING
 
 
 def test_fetched_where_told_to(server, tmp_path, monkeypatch):
@@ -152,6 +160,12 @@ def test_a_server_that_sends_another_part(server, tmp_path):
     assert server.asked == [None, "bytes=10000-", None]
 
 
+def test_a_redirect_keeps_what_has_come(server, tmp_path):
+    server.moved, server.drops = True, [10_000]
+    whole(download.fetch("bandai-2", tmp_path / "x"))
+    assert server.asked == [None, None, "bytes=10000-", "bytes=10000-"]
+
+
 def test_a_busy_server_is_asked_again(server, waits, tmp_path):
     server.status = [503, 429, 500]
     whole(download.fetch("bandai-2", tmp_path / "x"))
@@ -167,13 +181,23 @@ def test_a_download_given_up_goes_on_at_the_next_call(server, waits, tmp_path):
     assert server.asked[-1] == "bytes=10000-"
 
 
-def test_a_short_answer_is_noticed_by_its_length(tmp_path):
+def test_a_short_answer_is_noticed_by_its_length(tmp_path, monkeypatch):
     """Older versions of urllib3 end such an answer without a word."""
-    answer = types.SimpleNamespace(headers={"Content-Length": "10"}, iter_content=lambda size: [b"four"])
+    answer = types.SimpleNamespace(status_code=200, reason="OK", is_redirect=False, headers={"Content-Length": "10"})
+
+    class Short:
+        def __init__(self, *_, hooks, **__):
+            self.begin = hooks["response"]
+
+        def __call__(self, address, file, _):
+            self.begin(answer)
+            file.write(b"four")
+
+    monkeypatch.setattr(pooch, "HTTPDownloader", Short)
     with pytest.raises(download._Broken, match="4 of 10 bytes came"):
-        download.Resuming(tmp_path / "part")._save(answer, 0)
-    answer.headers["Content-Length"] = "4"
-    download.Resuming(tmp_path / "part")._save(answer, 4)
+        download._continue("a.zip", tmp_path / "part")
+    answer.status_code, answer.headers = 206, {"Content-Length": "4", "Content-Range": "bytes 4-7/8"}
+    download._continue("a.zip", tmp_path / "part")
     assert (tmp_path / "part").read_bytes() == b"fourfour"
 
 

@@ -6,11 +6,14 @@ from pathlib import Path
 
 import pytest
 import torch
+from made_clips import Made, chain
 from test_bvh import CHAIN, one_joint
 
 import motionkit as mk
 from motionkit import files
+from motionkit.datasets import Item, Labels, Recording, from_items
 from motionkit.datasets import cache as stores
+from motionkit.skeleton import Skeleton
 
 NAMES = [
     f"dataset-2_{content}_{style}_{take:03d}"
@@ -243,3 +246,40 @@ def test_real_captures(captures_dir):
 def test_the_whole_archive_is_found(captures):
     found = mk.datasets.list_items("bandai-2", captures)
     assert len(found) == 2902 and len({item.labels[:2] for item in found}) == 70
+
+
+class Given:
+    """A source of one recording."""
+
+    state = "1"
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording = recording
+
+    def read(self) -> Recording:
+        return self.recording
+
+
+def test_given_contacts_and_twins_are_kept():
+    skeleton = Skeleton(("a", "b", "c"), (-1, 0, 0), chain(3).offsets, mirror_joints=(0, 2, 1))
+    turns = torch.tensor([1.0, 0, 0, 0]).expand(4, 3, 4)
+    motion = mk.Motion.from_root(skeleton, turns, torch.zeros(4, 3), 25.0)
+    stands = torch.rand(4, 6) > 0.5
+    ds = from_items("mine", [Item("a", Labels("walk", "old", ()), Given(Recording(motion, {"contacts": stands})))])
+    assert torch.equal(ds[0].contacts, stands) and ds[0].motion.skeleton.mirror_joints == (0, 2, 1)
+    wrong = Given(Recording(motion, {"phase": torch.zeros(3, 1)}))
+    with pytest.raises(mk.MotionKitError, match=r"clip 'b': expected track 'phase' as \[4, K\].* found \[3, 1\]"):
+        from_items("mine", [Item("b", Labels("walk", "old", ()), wrong)])
+
+
+def test_lists_of_items_that_make_no_dataset():
+    item = Item("a", Labels("walk", "old", ()), Made(0))
+    with pytest.raises(mk.MotionKitError, match="two clips are called 'a'"):
+        from_items("mine", [item, item])
+    with pytest.raises(mk.MotionKitError, match="'mine' has no clips"):
+        from_items("mine", [])
+
+
+def test_options_are_the_readers(tmp_path):
+    with pytest.raises(mk.MotionKitError, match="'xia' has no option 'pattern'; it has none"):
+        mk.datasets.load("xia", tmp_path, pattern="{style}")
