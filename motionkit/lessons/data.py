@@ -21,6 +21,7 @@ from ..viewer import colours
 from ..viewer.figure import StillWidget, draw_figure, figures, view_axes
 from ..viewer.player import Player
 from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, still, style_axes
+from . import Exercise, seeded_randn
 
 STYLE_GROUPS = {  # the numbers that tell most at a glance
     "timing": ("tempo", "pauses", "asymmetry"),
@@ -308,3 +309,101 @@ def _controls(style: Style) -> dict[str, ipywidgets.Widget]:
                 layout={"width": "290px"},
             )
     return found
+
+
+def _takes() -> dict[str, tuple]:
+    shuffled = ["e", "b", "a", "e", "c", "b", "d", "a", "f", "e"]
+    return {
+        "several clips of a take, apart": (shuffled,),
+        "a clip of each take": ([f"take {n}" for n in range(12)],),
+        "one take only": (["only"] * 4,),
+    }
+
+
+def _take_split(takes: list[str]) -> Tensor:
+    """Which clips are for the test, bool [N]: all those of every fifth take, in alphabetical order."""
+    return _among(takes, sorted(set(takes))[::5])
+
+
+def _among(takes: list[str], chosen: list[str]) -> Tensor:
+    return torch.tensor([take in chosen for take in takes])
+
+
+def _padded() -> dict[str, tuple]:
+    """Features [B, F, D] and masks [B, F]."""
+    features, mask = seeded_randn(4, 10, 3), torch.arange(10) < torch.tensor([10, 7, 3, 1])[:, None]
+    return {
+        "nothing padded": (features, torch.ones(4, 10, dtype=torch.bool)),
+        "clips of several lengths": (features, mask),
+        "large numbers in the padding": (features + 1e3 * ~mask[..., None], mask),
+    }
+
+
+def _masked_mean(features: Tensor, mask: Tensor) -> Tensor:
+    """The mean over each clip's own frames, [B, D], of features [B, F, D] with a mask [B, F]."""
+    return (features * mask[..., None]).sum(1) / mask.sum(1, keepdim=True)
+
+
+def _balanced_chances(labels: Tensor) -> Tensor:
+    """For each sample the chance to be drawn, [N], such that every label that occurs is drawn equally often."""
+    return 1 / (_group_sizes(labels) * len(labels.unique()))
+
+
+def _group_sizes(labels: Tensor) -> Tensor:
+    """For each sample how many have its label, [N]."""
+    return torch.bincount(labels)[labels]
+
+
+EXERCISES = {
+    "balanced_chances": Exercise(
+        _balanced_chances,
+        cases=lambda: {
+            "three of one, one of another": (torch.tensor([0, 0, 0, 1]),),
+            "labels with gaps": (torch.tensor([2, 5, 5, 2, 2, 9]),),
+            "one sample": (torch.tensor([3]),),
+        },
+        hints=(
+            "two labels, three samples of one and one of the other: what must the four chances be?",
+            "every label that occurs gets the same share, and its samples divide that among them; all add up to 1, and "
+            "labels need not be 0, 1, 2.",
+            "torch.unique(labels, return_inverse=True, return_counts=True) tells how large each sample's group is.",
+        ),
+        mistakes={
+            "With equal chances for all samples, frequent labels are drawn most.": lambda x: torch.full(
+                x.shape, 1 / len(x)
+            ),
+            "All chances must add up to 1: divide by how many labels occur.": lambda x: 1 / _group_sizes(x),
+            "Labels that do not occur get no share.": lambda x: 1 / (_group_sizes(x) * len(torch.bincount(x))),
+            "One over the size of the group, not the size.": lambda x: _group_sizes(x) / _group_sizes(x).sum(),
+        },
+    ),
+    "masked_mean": Exercise(
+        _masked_mean,
+        cases=_padded,
+        hints=(
+            "what is the mean of a clip of 3 frames that was padded to 10?",
+            "padded frames must count neither in the sum nor in what you divide by.",
+            "sum features where mask[..., None] is true, then divide by mask.sum(1)[:, None].",
+        ),
+        mistakes={
+            "The padding is in your mean: the mask was not used.": lambda x, mask: x.mean(1),
+            "Divide by the clip's own frames, not by all.": lambda x, mask: (x * mask[..., None]).mean(1),
+            "A mean for each clip, not one for all together.": lambda x, mask: x[mask].mean(0).expand(len(x), -1),
+        },
+    ),
+    "take_split": Exercise(
+        _take_split,
+        cases=_takes,
+        hints=(
+            "what may never be on both sides of a split?",
+            "deal out takes, not clips: every fifth of the different takes in alphabetical order, from the first on; "
+            "then a clip goes where its take goes.",
+            "sorted(set(takes))[::5] are the takes of the test; torch.tensor([...]) of True and False for the clips.",
+        ),
+        mistakes={
+            "That deals out clips, and tears takes apart.": lambda takes: torch.arange(len(takes)) % 5 == 0,
+            "In alphabetical order, not in the order of the list.": lambda x: _among(x, list(dict.fromkeys(x))[::5]),
+            "Count each take once: here large takes have a greater chance.": lambda x: _among(x, sorted(x)[::5]),
+        },
+    ),
+}

@@ -1,4 +1,4 @@
-"""The exercises of notebook 07: for each its reference, its cases and its hint, as `lessons.Exercise` takes them."""
+"""Notebook 07: a style learned from a BVH file, and played; its exercises."""
 
 from __future__ import annotations
 
@@ -16,34 +16,7 @@ from ..motion import Motion
 from ..viewer.figure import StillWidget
 from ..viewer.player import Player
 from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, strip
-
-
-def _low_rank(weight: Tensor, down: Tensor, up: Tensor, strength: float) -> Tensor:
-    """A matrix [out, in] with a change of low rank: A = down [rank, in], B = up [out, rank]."""
-    return weight + strength * up @ down
-
-
-def _blend(predictions: list[Tensor], weights: list[float], base: Tensor) -> Tensor:
-    """Predictions with their weights, and the rest of 1 from the base."""
-    return sum((w * x for w, x in zip(weights, predictions)), (1 - sum(weights)) * base)
-
-
-def _matrices() -> list[tuple]:
-    chance = torch.Generator().manual_seed(0)
-    weight, down, up = (torch.randn(shape, generator=chance) for shape in ((6, 5), (2, 5), (6, 2)))
-    return [(weight, down, up, strength) for strength in (1.0, 0.5, 0.0)]
-
-
-def _predictions() -> list[tuple]:
-    a, b, base = torch.randn(3, 1, 8, 4, generator=torch.Generator().manual_seed(0))
-    return [([a], [1.0], base), ([a, b], [0.5, 0.5], base), ([a, b], [1.5, -0.5], base), ([a], [0.3], base)]
-
-
-EXERCISES = {
-    "low_rank": (_low_rank, _matrices, "B A has the shape of the matrix: up comes first, and strength scales it all"),
-    "blend": (_blend, _predictions, "the weights of all that is added up make 1: the base gets what they leave"),
-}
-
+from . import Exercise, seeded_randn
 
 _TINTS = {"said": SOFT, "error": "#b3261e"}
 ALL = "all of them"
@@ -190,3 +163,68 @@ def _controls(captions: list[str], prompt: str) -> dict[str, ipywidgets.Widget]:
             options=_STRENGTHS, value=1.0, description="strength", continuous_update=False, **wide
         ),
     }
+
+
+def _low_rank(weight: Tensor, down: Tensor, up: Tensor, strength: float) -> Tensor:
+    """A matrix [out, in] with a change of low rank: A = down [rank, in], B = up [out, rank]."""
+    return weight + strength * up @ down
+
+
+def _matrices() -> dict[str, tuple]:
+    weight, down, up = seeded_randn(6, 5), seeded_randn(2, 5, seed=1), seeded_randn(6, 2, seed=2)
+    return {f"strength {strength}": (weight, down, up, strength) for strength in (1.0, 0.5, 0.0)}
+
+
+def _blend(predictions: list[Tensor], weights: list[float], base: Tensor) -> Tensor:
+    """Predictions with their weights, and the rest of 1 from the base."""
+    return _weighted(predictions, weights) + (1 - sum(weights)) * base
+
+
+def _weighted(predictions: list[Tensor], weights: list[float]) -> Tensor:
+    return sum(w * x for w, x in zip(weights, predictions))
+
+
+def _predictions() -> dict[str, tuple]:
+    a, b, base = seeded_randn(3, 1, 8, 4)
+    return {
+        "one style": ([a], [1.0], base),
+        "half of each of two": ([a, b], [0.5, 0.5], base),
+        "more of one, less of another": ([a, b], [1.5, -0.5], base),
+        "a little of one": ([a], [0.3], base),
+    }
+
+
+EXERCISES = {
+    "blend": Exercise(
+        _blend,
+        cases=_predictions,
+        hints=(
+            "with one style and the weight 0.3, what are the other 0.7?",
+            "the weights of all that is added up make 1: the base gets what they leave.",
+            "the sum of weight * prediction, plus (1 - sum(weights)) * base.",
+        ),
+        mistakes={
+            "What the weights leave of 1 belongs to the base.": lambda xs, weights, base: _weighted(xs, weights),
+            "The base gets only what the weights leave of 1.": lambda xs, weights, base: base + _weighted(xs, weights),
+            "Each prediction has its own weight: this is the plain mean.": lambda xs, *_: torch.stack(xs).mean(0),
+            "Do not scale the weights to 1 among themselves.": lambda xs, w, base: _weighted(xs, w) / sum(w),
+        },
+    ),
+    "low_rank": Exercise(
+        _low_rank,
+        cases=_matrices,
+        hints=(
+            "which product of `up` and `down` has the shape of the matrix?",
+            "up comes first: [out, rank] @ [rank, in]; strength scales the change, and the matrix itself stays.",
+            "weight + strength * (up @ down).",
+        ),
+        mistakes={
+            "That is the change; add it to the matrix.": lambda weight, down, up, strength: strength * up @ down,
+            "The matrix stays as it is; only the change counts by strength.": lambda weight, down, up, strength: (
+                strength * (weight + up @ down)
+            ),
+            "The strength counts once, not for each factor.": lambda w, down, up, strength: w + strength**2 * up @ down,
+            "The strength is missing.": lambda weight, down, up, strength: weight + up @ down,
+        },
+    ),
+}

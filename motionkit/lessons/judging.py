@@ -16,12 +16,15 @@ from torch import Tensor
 
 from ..arena.table import ARROWS, COLUMNS, ArenaTable, Cell
 from ..arena.transfers import REAL
+from ..dtw import dtw_costs
 from ..errors import MotionKitError
 from ..metrics import fmd, gaussian
 from ..viewer import colours
 from ..viewer.player import Player
 from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, style_axes
 from ..viewer.scenes import Scene
+from . import Exercise, seeded_randn
+from .representation import Explorer
 
 CLOUD_COLOURS = ("#2244aa", "#d3622b")
 _CELLS = ("#ffffff", "#2b6ca8")
@@ -100,10 +103,6 @@ def cloud_explorer(seed: int = 0) -> object:
     >>> explorer.png != before
     True
     """
-    import ipywidgets
-
-    from .representation import Explorer
-
     generator = torch.Generator().manual_seed(seed)
     noise = torch.randn(2, 3000, 2, generator=generator, dtype=torch.float64)
     wide = {"layout": {"width": "520px"}, "style": {"description_width": "70px"}}
@@ -594,3 +593,112 @@ class FeatureMap(ipywidgets.Box):
         """The live widget, and beside it the picture for pages that run nothing."""
         bundle = super()._repr_mimebundle_(**more) or {}
         return {**bundle, "image/png": base64.b64encode(self.still()).decode(), "text/plain": repr(self)}
+
+
+def _crowds() -> dict[str, tuple]:
+    """Features [N, D] and [M, D]."""
+    a, b = seeded_randn(60, 4), 2 * seeded_randn(50, 4, seed=1) + torch.tensor([1.0, 0.0, -1.0, 0.0])
+    centred = a - a.mean(0)
+    return {"two crowds": (a, b), "a crowd and itself": (a, a), "one only wider": (centred, 3 * centred)}
+
+
+def _frechet_by_number(a: Tensor, b: Tensor) -> Tensor:
+    """The Fréchet distance of two crowds whose numbers are taken one by one, as if none went with another."""
+    return _squares(a.mean(0) - b.mean(0), a.std(0) - b.std(0))
+
+
+def _squares(*differences: Tensor) -> Tensor:
+    """The sum of all squares."""
+    return torch.stack(differences).square().sum()
+
+
+def _judged() -> dict[str, tuple]:
+    """Found and true labels."""
+    return {
+        "as many of each class": (torch.tensor([0, 1, 1, 0]), torch.tensor([0, 0, 1, 1])),
+        "one class far larger": (torch.tensor([0] * 6 + [1] * 2 + [0, 1]), torch.tensor([0] * 8 + [1] * 2)),
+        "always the larger class": (torch.zeros(10).long(), torch.tensor([0] * 8 + [1] * 2)),
+        "a class that is never right": (torch.tensor([4, 4, 7, 7, 4]), torch.tensor([4, 4, 7, 4, 9])),
+    }
+
+
+def _fair_accuracy(found: Tensor, wanted: Tensor) -> Tensor:
+    """The mean over the classes that occur of the share of each that was found, 0 to 1."""
+    return torch.stack([(found[wanted == c] == c).double().mean() for c in wanted.unique()]).mean()
+
+
+def _warp_cost(costs: Tensor) -> Tensor:
+    """What the cheapest path costs, from the first pair of frames to the last."""
+    return dtw_costs(costs[None])[0]
+
+
+def _greedy_cost(costs: Tensor) -> Tensor:
+    """What a path costs that always takes the cheapest next pair."""
+    at, total, end = (0, 0), costs[0, 0], (costs.shape[0] - 1, costs.shape[1] - 1)
+    while at != end:
+        onward = [(at[0] + i, at[1] + k) for i, k in ((1, 1), (1, 0), (0, 1))]
+        at = min((pair for pair in onward if pair[0] <= end[0] and pair[1] <= end[1]), key=lambda pair: costs[pair])
+        total = total + costs[at]
+    return total
+
+
+EXERCISES = {
+    "fair_accuracy": Exercise(
+        _fair_accuracy,
+        cases=_judged,
+        hints=(
+            "how often is each class right, taken by itself?",
+            "first the share of each class that was found, then the mean over the classes that occur in `wanted`; each "
+            "class counts the same, however large it is; a share from 0 to 1.",
+            "for each c in wanted.unique(): the mean of found[wanted == c] == c; then the mean of these.",
+        ),
+        mistakes={
+            "That is the share of all clips: a large class outweighs the others.": lambda x, y: (
+                (x == y).double().mean()
+            ),
+            "Group the clips by what they are (wanted), not by what was found.": lambda x, y: _fair_accuracy(y, x),
+            "Only classes that occur in `wanted` count.": lambda x, y: (
+                _fair_accuracy(x, y) * len(y.unique()) / (1 + y.max())
+            ),
+            "A share from 0 to 1, not per cent.": lambda x, y: 100 * _fair_accuracy(x, y),
+        },
+    ),
+    "frechet_by_number": Exercise(
+        _frechet_by_number,
+        cases=_crowds,
+        hints=(
+            "a mean and a standard deviation for each of the D numbers of both crowds: where do they differ?",
+            "for each number the difference of the means, squared, plus the difference of the standard deviations (not "
+            "of the variances), squared; torch's std divides by N - 1; then the sum over all numbers.",
+            "the sum of (a.mean(0) - b.mean(0)) ** 2 + (a.std(0) - b.std(0)) ** 2.",
+        ),
+        mistakes={
+            "Standard deviations, not variances.": lambda a, b: _squares(a.mean(0) - b.mean(0), a.var(0) - b.var(0)),
+            "The sum over all numbers, not their mean.": lambda a, b: _frechet_by_number(a, b) / a.shape[1],
+            "A sample's deviation divides by N - 1, as torch's does.": lambda a, b: _squares(
+                a.mean(0) - b.mean(0), a.std(0, correction=0) - b.std(0, correction=0)
+            ),
+            "Each number by itself: over dimension 0.": lambda a, b: _squares(a.mean() - b.mean(), a.std() - b.std()),
+        },
+    ),
+    "warp_cost": Exercise(
+        _warp_cost,
+        cases=lambda: {
+            "the diagonal is free": (1 - torch.eye(5),),
+            "random costs": (seeded_randn(6, 6).abs(),),
+            "clips of different length": (seeded_randn(4, 9, seed=1).abs(),),
+        },
+        hints=(
+            "if you knew what it costs to come to the three pairs before [i, j], what would [i, j] cost?",
+            "best[i, j] = costs[i, j] + the least of best[i - 1, j], best[i, j - 1] and best[i - 1, j - 1]; the first "
+            "row and column have one way only.",
+            "give `best` a border of infinite costs above and at the left, with 0 in its corner: no special cases.",
+        ),
+        mistakes={
+            "The path may leave the diagonal, where that is cheaper.": lambda costs: costs.diagonal().sum(),
+            "The cheapest next step can lead into expensive places: keep the best for every pair.": _greedy_cost,
+            "The cheapest pair in each row is no path: it jumps.": lambda costs: costs.min(1).values.sum(),
+            "The path has to pay for both of its ends.": lambda costs: _warp_cost(costs) - costs[0, 0],
+        },
+    ),
+}

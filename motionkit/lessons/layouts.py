@@ -14,12 +14,21 @@ import anywidget
 import numpy as np
 import torch
 import traitlets
+from torch import Tensor
 
 from .. import rotations as rot
+from ..contacts import foot_sliding
 from ..errors import MotionKitError
+from ..features import HumanML3D
+from ..features.canonical import canonicalize, integrate
+from ..features.facing_free import FacingFree
+from ..methods.baselines import match_statistics
+from ..motion import Motion
+from ..skeleton import smpl
 from ..viewer import colours
 from ..viewer.figure import as_list, cone_outline, draw_figure, figures, view_axes
 from ..viewer.plots import INK, SOFT, StaticFigure, style_axes
+from . import Exercise, seeded_randn
 
 PARTS = {
     "root": "#39424e",
@@ -333,8 +342,6 @@ def facing_view(motion: object, frame: int | None = None) -> FacingView:
     >>> facing_view(mk.load("data/actor/walk_turn_left_neutral.bvh"), frame=30)
     FacingView(walk_turn_left_neutral, frame 30)
     """
-    from ..features.facing_free import FacingFree
-
     (motion,) = _one(motion)
     look = _look_of(motion)
     root = FacingFree().encode(motion)[:, :4]
@@ -366,9 +373,6 @@ def feature_inspector(
     >>> view.joint, view.description
     ('left_knee', 'positions y of left_knee (m)')
     """
-    from ..features import HumanML3D
-    from ..features.canonical import canonicalize
-
     (motion,) = _one(motion)
     layout = HumanML3D() if layout is None else layout
     values = layout.encode(motion).flatten(1).numpy()
@@ -440,3 +444,113 @@ def _axis(text: str) -> int | None:
     if not text.endswith(("(m)", "(m/frame)")):
         return None
     return next((n for n, words in enumerate((" x ", " y ", " z ")) if words in text), 1)  # the height is along y
+
+
+def _walkers() -> dict[str, tuple]:
+    """Motions and contacts."""
+    upright = rot.identity_quaternion(20, 22)
+    still = torch.tensor([0.0, 0.96, 0.0]).expand(20, 3)
+    slide = still + torch.arange(20)[:, None] * torch.tensor([0.0, 0.0, 0.01])
+    stands = torch.ones(20, 4, dtype=torch.bool)
+    swinging, swaying = rot.exp_map(0.2 * seeded_randn(20, 22, 3)), still + 0.1 * seeded_randn(20, 3)
+    flailing = Motion.from_root(smpl(), swinging, swaying, 30.0)
+    return {
+        "a body that stands": (Motion.from_root(smpl(), upright, still, 30.0), stands),
+        "one that slides 1 cm a frame": (Motion.from_root(smpl(), upright, slide, 30.0), stands),
+        "one that flails, on random feet": (flailing, seeded_randn(20, 4) > 0),
+        "no foot ever stands": (flailing, ~stands),
+    }
+
+
+def _slide(motion: Motion, chosen: Tensor, axes: Sequence[int] = (0, 2)) -> Tensor | float:
+    """Millimetres a frame along some axes, over the chosen pairs [F-1, K]."""
+    feet = motion.positions()[:, list(motion.skeleton.feet())][..., list(axes)]
+    steps = 1000 * (feet[1:] - feet[:-1]).norm(dim=-1)
+    return steps[chosen].mean() if chosen.any() else 0.0
+
+
+def _published_path(features: Tensor) -> Tensor:
+    """Where the root stands on the ground, [F, 2], from HumanML3D features [F, 3 or more]."""
+    return HumanML3D().path(features)[1]
+
+
+def _wrong_path(x: Tensor, turn: float = -2.0, *, seen_from: int = 1) -> Tensor:
+    """The published path with another share of the turn, or with steps seen from another frame."""
+    yaw = turn * integrate(x[:, 0])
+    yaw = torch.cat((yaw[seen_from:], yaw[-1:].expand(seen_from)))
+    step = torch.stack((x[:, 1], torch.zeros(len(x)), x[:, 2]), -1)
+    return integrate(rot.quaternion_rotate(rot.yaw_to_quaternion(yaw), step))[:, [0, 2]]
+
+
+EXERCISES = {
+    "foot_sliding": Exercise(
+        foot_sliding,
+        cases=_walkers,
+        hints=(
+            "a standing foot should stay where it is: how far does it move from one frame to the next?",
+            "the mean over pairs of neighbouring frames in which the same joint stands in both; x and z only, in "
+            "millimetres; 0 where nothing stands.",
+            "both = contacts[1:] & contacts[:-1] chooses among the lengths of the steps [F-1, K] on the ground.",
+        ),
+        mistakes={
+            "Feet in the air may move: count pairs in which the joint stands.": lambda m, c: _slide(m, c[1:] | True),
+            "It must stand in both frames of a pair (&), not in one of them (|).": lambda m, c: _slide(
+                m, c[1:] | c[:-1]
+            ),
+            "Over the ground only: leave y out.": lambda m, c: _slide(m, c[1:] & c[:-1], axes=(0, 1, 2)),
+            "A foot may slide sideways, too: x and z.": lambda m, c: _slide(m, c[1:] & c[:-1], axes=(2,)),
+            "Positions are in metres; the answer is in millimetres.": lambda m, c: foot_sliding(m, c) / 1000,
+        },
+    ),
+    "match_statistics": Exercise(
+        match_statistics,
+        cases=lambda: {
+            "two clips": (seeded_randn(30, 5), 2 * seeded_randn(40, 5, seed=1) + 3),
+            "numbers that hardly move, or never": (
+                seeded_randn(30, 5) * torch.tensor([1.0, 1.0, 1.0, 0.01, 0.0]),
+                seeded_randn(40, 5, seed=1),
+            ),
+        },
+        hints=(
+            "each of the D numbers has a mean and a spread over the frames: take the content's away, give the style's.",
+            "mean and spread over dimension 0, with the population's spread (correction=0); no spread may grow to more "
+            "than three times what it was, and none may be divided by 0.",
+            "gain = (spread of the style / spread of the content.clamp(min=1e-6)).clamp(max=3).",
+        ),
+        mistakes={
+            "No spread may grow to more than three times what it was: clamp the gain.": lambda x, y: match_statistics(
+                x, y, most=1e9
+            ),
+            "One mean and spread for each of the D numbers, over dimension 0; not one for all.": lambda x, y: (
+                (x - x.mean()) / x.std(correction=0) * y.std(correction=0) + y.mean()
+            ),
+            "The population's spread: correction=0.": lambda x, y: (
+                (x - x.mean(0)) * (y.std(0) / x.std(0).clamp(min=1e-6)).clamp(max=3) + y.mean(0)
+            ),
+            "The mean is there; now the spread, too.": lambda x, y: x - x.mean(0) + y.mean(0),
+        },
+    ),
+    "published_path": Exercise(
+        _published_path,
+        cases=lambda: {
+            "three steps ahead": (torch.tensor([[0.0, 0, 1], [0, 0, 1], [0, 0, 1]]),),
+            "a random walk": (0.1 * seeded_randn(30, 4),),
+        },
+        hints=(
+            "first find where the body faces, then turn each step by it, then add up the steps.",
+            "the first number is half the turn, and to the right; the step of frame t is seen from where the body "
+            "faces in frame t + 1; the path starts at 0, 0.",
+            "yaw = -2 * sum_before(x[:, 0]); turn (x[:, 1], 0, x[:, 2]) by the next frame's yaw; sum_before again.",
+        ),
+        mistakes={
+            "The file holds half the turn of a frame.": lambda x: _wrong_path(x, turn=-1),
+            "The file counts turns to the right, yaw_to_quaternion those to the left.": lambda x: _wrong_path(
+                x, turn=2
+            ),
+            "Frame t's step is seen from where the body faces in frame t + 1.": lambda x: _wrong_path(x, seen_from=0),
+            "The path starts at 0, 0: add up the steps before a frame, without its own.": lambda x: _published_path(
+                torch.cat((x, x[-1:]))
+            )[1:],
+        },
+    ),
+}

@@ -1,4 +1,4 @@
-"""Pictures of notebook 01: the ways between two rotations, a rotation's numbers over time, motions from the side."""
+"""Notebook 01: the ways between two rotations, a rotation's numbers over time, motions from the side; exercises."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from ..errors import MotionKitError
 from ..viewer import colours
 from ..viewer.figure import draw_figure, draw_floor, figures, view_axes
 from ..viewer.plots import INK, SOFT, StaticFigure, _axes, few_colours, style_axes
+from . import Exercise, seeded_randn
 
 _JUMP = 0.2  # a curve that steps further from one value to the next counts as broken
 
@@ -499,3 +500,102 @@ def _write_chain(picture: object, skeleton: object, joint: int) -> None:
     box = AnchoredOffsetbox("upper left", child=VPacker(children=areas, pad=0, sep=4), frameon=False, pad=0,
                             bbox_to_anchor=(0.68, 0.96), bbox_transform=picture.transFigure)  # fmt: skip
     picture.add_artist(box)
+
+
+_unit = rot.normalize
+
+
+def _frame(b1: Tensor, b2: Tensor) -> Tensor:
+    """The matrix [..., 3, 3] with these two columns and their cross product."""
+    return torch.stack((b1, b2, torch.linalg.cross(b1, b2)), -1)
+
+
+def _unscaled_frame(sixd: Tensor) -> Tensor:
+    """Gram-Schmidt that measures the second column along the first before that has length 1."""
+    c1, c2 = sixd.unflatten(-1, (2, 3)).unbind(-2)
+    return _frame(_unit(c1), _unit(c2 - (c1 * c2).sum(-1, keepdim=True) * c1))
+
+
+def _rotation_pairs() -> dict[str, tuple]:
+    a, b = (_unit(seeded_randn(5, 4, seed=seed)) for seed in (0, 1))
+    same = _unit(seeded_randn(3, 4))
+    return {
+        "at the start": (a, b, 0.0),
+        "3/10 of the way": (a, b, 0.3),
+        "at the end": (a, b, 1.0),
+        "equal rotations": (same, same, 0.5),
+        "one rotation, written with both signs": (same, -same, 0.5),
+    }
+
+
+def _arc(a: Tensor, b: Tensor, t: float) -> Tensor:
+    """The formula of slerp as it stands: the long way where the product is negative, 0/0 where both are equal."""
+    angle = torch.acos((a * b).sum(-1, keepdim=True))
+    return (torch.sin((1 - t) * angle) * a + torch.sin(t * angle) * b) / torch.sin(angle)
+
+
+def _flip(a: Tensor, b: Tensor) -> Tensor:
+    return torch.where((a * b).sum(-1, keepdim=True) < 0, -b, b)
+
+
+EXERCISES = {
+    "sixd_to_matrix": Exercise(
+        rot.sixd_to_matrix,
+        cases=lambda: {
+            "random numbers": (seeded_randn(7, 6),),
+            "2, 0, 0 and 1, 1, 0": (torch.tensor([[2.0, 0, 0, 1, 1, 0]]),),
+        },
+        hints=(
+            "three columns of length 1 at right angles: which of the two given ones keeps its direction?",
+            "scale the first, take its part out of the second, scale that, and cross them; columns, not rows.",
+            "b1 = c1 / |c1|, then b2 from c2 - (b1 · c2) b1, and torch.stack((b1, b2, cross(b1, b2)), -1).",
+        ),
+        mistakes={
+            "The three vectors are the columns: stack them along the last dimension, -1.": lambda x: (
+                rot.sixd_to_matrix(x).mT
+            ),
+            "Take out of c2 its part along b1 before you scale it.": lambda x: _frame(
+                _unit(x[..., :3]), _unit(x[..., 3:])
+            ),
+            "Scale c1 to length 1 before you measure c2 along it.": _unscaled_frame,
+            "b1 × b2, in this order: the other is a mirror image.": lambda x: (
+                rot.sixd_to_matrix(x) * torch.tensor([1, 1, -1])
+            ),
+        },
+    ),
+    "slerp": Exercise(
+        rot.slerp,
+        cases=_rotation_pairs,
+        hints=(
+            "which of two arcs is the shorter one, and what if there is none?",
+            "flip b where its product with a is negative, and think of sin Ω = 0.",
+            "torch.where(sin Ω is nearly 0, a straight line, the formula), with the product clamped to at most 1.",
+        ),
+        mistakes={
+            "That is the long way round: use -b where the product of a and b is negative.": _arc,
+            "Where both are equal, sin Ω is 0: go straight there.": lambda a, b, t: _arc(a, _flip(a, b), t),
+            "A straight line cuts through the sphere: weigh a and b with sines.": lambda a, b, t: (1 - t) * a + t * b,
+            "A straight line brought back to length 1 does not turn at constant speed: weigh a and b with sines.": (
+                lambda a, b, t: _unit((1 - t) * a + t * _flip(a, b))
+            ),
+        },
+    ),
+    "swing_angle": Exercise(
+        rot.quaternion_angle,
+        cases=lambda: {
+            "random rotations": _rotation_pairs()["at the start"][:2],
+            "q and -q": (torch.eye(4)[:1], -torch.eye(4)[:1]),
+        },
+        hints=(
+            "which of the four numbers of a quaternion tells how far it turns?",
+            "w is the cosine of half the angle; q and -q are one rotation, so use the absolute value of w.",
+            "2 * acos(|a · b|), or better 2 * atan2(length of x, y, z; |w|) of the product of a's inverse and b.",
+        ),
+        mistakes={
+            "q and -q are one rotation: take |w|.": lambda a, b: 2 * torch.acos((a * b).sum(-1).clamp(-1, 1)),
+            "The arccosine of w is only half of the angle.": lambda a, b: rot.quaternion_angle(a, b) / 2,
+            "In radians, please.": lambda a, b: torch.rad2deg(rot.quaternion_angle(a, b)),
+            "The distance of the four numbers is no angle: q and -q are 2 apart.": lambda a, b: (a - b).norm(dim=-1),
+        },
+    ),
+}

@@ -8,7 +8,9 @@ import warnings
 from collections.abc import Sequence
 
 import ipywidgets
+import torch
 from torch import Tensor
+from torch.nn import functional
 
 from ..errors import MotionKitError
 from ..files import MotionKitWarning
@@ -18,6 +20,7 @@ from ..text import similarity
 from ..viewer.figure import StillWidget
 from ..viewer.player import Player
 from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, strip
+from . import Exercise, seeded_randn
 
 _WRITTEN = 14  # rows and columns up to which numbers are written into the cells
 
@@ -255,3 +258,113 @@ def _controls(prior: object, prompt: str, seconds: float, scale: float, seed: in
         ),
         "seed": ipywidgets.BoundedIntText(value=seed, min=0, max=2**31 - 1, description="seed", **wide),
     }  # fmt: skip
+
+
+def _tokens() -> dict[str, tuple]:
+    """Queries, keys and values [N, D], and which tokens exist, bool [N]."""
+    q, k, v = (seeded_randn(6, 4, seed=seed) for seed in range(3))
+    there = torch.arange(6) < 4
+    return {
+        "all are there": (q, k, v, there | True),
+        "two are padding": (q, k, v, there),
+        "large numbers in the padding": (q, k + 30 * ~there[:, None], v + 1e3 * ~there[:, None], there),
+    }
+
+
+def _masked_attention(q: Tensor, k: Tensor, v: Tensor, there: Tensor) -> Tensor:
+    """What each token hears, [N, D], from the tokens that are there."""
+    return functional.scaled_dot_product_attention(q, k, v, there.expand(len(q), -1))
+
+
+def _scores(q: Tensor, k: Tensor) -> Tensor:
+    return q @ k.T / q.shape[1] ** 0.5
+
+
+def _recall_at(near: Tensor, k: int) -> Tensor:
+    """In which share of the rows of a similarity [N, N] the own column is among the k largest, 0 to 1."""
+    return ((near > near.diagonal()[:, None]).sum(1) < k).double().mean()
+
+
+def _pairs() -> dict[str, tuple]:
+    """Motions and texts [N, E] that ask for gradients, and the temperature."""
+    motions, texts = seeded_randn(6, 8), 3 * seeded_randn(6, 8, seed=1)
+    return {
+        "vectors at right angles": (torch.eye(4).requires_grad_(), torch.eye(4).requires_grad_(), 0.1),
+        "random vectors": (motions.requires_grad_(), texts.requires_grad_(), 0.5),
+    }
+
+
+def _contrastive_loss(motions: Tensor, texts: Tensor, temperature: float) -> Tensor:
+    """Cross-entropy of telling each motion's own sentence from the others of the batch."""
+    return _own_is_right(similarity(motions, texts) / temperature)
+
+
+def _own_is_right(scores: Tensor) -> Tensor:
+    """Cross-entropy of scores [N, N] in which answer n is right for question n."""
+    return functional.cross_entropy(scores, torch.arange(len(scores)))
+
+
+EXERCISES = {
+    "contrastive_loss": Exercise(
+        _contrastive_loss,
+        cases=_pairs,
+        hints=(
+            "each motion is asked which of N sentences is its own: what loss does a classifier have?",
+            "first vectors of length 1, then all products [N, N] divided by the temperature; row n is a question with "
+            "N answers, of which n is right: minus the logarithm of its share after softmax, and the mean of that.",
+            "cross_entropy of (motions @ texts.T / temperature), both scaled to length 1, with torch.arange(N).",
+        ),
+        mistakes={
+            "Cosines: scale all vectors to length 1 first.": lambda x, y, t: _own_is_right(x @ y.T / t),
+            "Divide by the temperature: a small one makes differences large.": lambda x, y, t: _contrastive_loss(
+                x, y, 1 / t
+            ),
+            "A row is a question: softmax over the sentences, dimension 1.": lambda x, y, t: _contrastive_loss(y, x, t),
+            "The mean over the batch, not the sum.": lambda x, y, t: len(x) * _contrastive_loss(x, y, t),
+            "Return the tensor: no gradient flows through a plain number.": lambda *case: _contrastive_loss(
+                *case
+            ).item(),
+        },
+    ),
+    "masked_attention": Exercise(
+        _masked_attention,
+        cases=_tokens,
+        hints=(
+            "what must a score be, so that its share after the softmax is exactly 0?",
+            "scores are q @ k.T divided by the root of D; those of tokens that are not there become minus infinity "
+            "before the softmax, not zero after it.",
+            "scores.masked_fill(~there, -torch.inf).softmax(1) @ v: a column for each one who is listened to.",
+        ),
+        mistakes={
+            "The padding is heard: the mask was not used.": lambda q, k, v, there: _scores(q, k).softmax(1) @ v,
+            "Shares that are set to 0 after the softmax leave a sum below 1: mask the scores before it.": (
+                lambda q, k, v, there: (_scores(q, k).softmax(1) * there) @ v
+            ),
+            "A score of 0 still gets a share, since exp(0) = 1: minus infinity.": lambda q, k, v, there: (
+                (_scores(q, k) * there).softmax(1) @ v
+            ),
+            "Divide the scores by the root of D.": lambda q, k, v, there: _masked_attention(2 * q, k, v, there),
+        },
+    ),
+    "recall_at": Exercise(
+        _recall_at,
+        cases=lambda: {
+            "all right": (torch.eye(5), 1),
+            "random, k = 1": (seeded_randn(12, 12, seed=8), 1),
+            "random, k = 3": (seeded_randn(12, 12, seed=8), 3),
+            "rows and columns changed, k = 3": (seeded_randn(12, 12, seed=8).T, 3),
+        },
+        hints=(
+            "for one motion, and its row of N numbers: when is it a hit?",
+            "row n is motion n, and its own sentence is column n; count how many in the row are nearer than that, and "
+            "see whether they are fewer than k; the answer is a share from 0 to 1.",
+            "near.topk(k, dim=1).indices == torch.arange(N)[:, None] has a True in the rows that are hits.",
+        ),
+        mistakes={
+            "Motions are rows: sort along dimension 1.": lambda near, k: _recall_at(near.T, k),
+            "Among the k nearest: k - 1 others may be nearer, not k.": lambda near, k: _recall_at(near, k + 1),
+            "The nearest have the largest similarity, not the least.": lambda near, k: _recall_at(-near, k),
+            "A share from 0 to 1, not per cent.": lambda near, k: 100 * _recall_at(near, k),
+        },
+    ),
+}
