@@ -314,8 +314,8 @@ def test_the_kit_never_imports_its_lessons():
 
 
 def test_a_check_loads_no_other_lesson():
-    code = "import motionkit as mk, sys; mk.exercises.names(); mk.exercises.check('blend', print); " + (
+    code = "import motionkit as mk, sys; mk.exercises.names(); mk.exercises.check('residual_mix', print); " + (
         "print([name for name in sys.modules if name.startswith('motionkit.lessons.')])"
     )
     out = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    assert out.splitlines()[-1] == "['motionkit.lessons.few_shot']"
+    assert out.splitlines()[-1] == "['motionkit.lessons.style_erd']"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -20,7 +19,7 @@ from ..motion import Motion
 from ..viewer import colours
 from ..viewer.figure import StillWidget, draw_figure, figures, view_axes
 from ..viewer.player import Player
-from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, still, style_axes
+from ..viewer.plots import INK, SOFT, StaticFigure, still, style_axes
 from . import Exercise, seeded_randn
 
 STYLE_GROUPS = {  # the numbers that tell most at a glance
@@ -252,12 +251,11 @@ class StyleMixer(StillWidget, ipywidgets.VBox):
 
     def still(self) -> bytes:
         """The performer beside the numbers of the style, as the bytes of a PNG."""
-        picture, raw = StaticFigure(figsize=(8.4, 3.8), dpi=100), io.BytesIO()
+        picture = StaticFigure(figsize=(8.4, 3.8), dpi=100)
         frame = self.player.frame or len(self.performance) // 3
         still(self.performance.motion, frame, ax=picture.add_axes((0, 0, 0.46, 1)))
         plot_styles([self.style], ax=picture.add_axes((0.6, 0.08, 0.38, 0.9)))
-        picture.savefig(raw, format="png", facecolor="white")
-        return few_colours(raw)
+        return picture.png()
 
 
 def style_mixer(content: str = "walk", style: str = "neutral", seed: int = 1, seconds: float = 6.0) -> StyleMixer:

@@ -194,11 +194,7 @@ def _key_frames(frames: int, numbers: int, keys: list[int]) -> Tensor:
 EXERCISES = {
     "key_frames": Exercise(
         _key_frames,
-        cases=lambda: {
-            "the first and the last": (8, 3, [0, -1]),
-            "one in the middle": (6, 2, [2]),
-            "none": (5, 4, []),
-        },
+        cases=lambda: {"the first and the last": (8, 3, [0, -1]), "one in the middle": (6, 2, [2]), "none": (5, 4, [])},
         hints=(
             "begin with a mask in which nothing is given.",
             "True in all numbers of the frames in keys, False in all others.",

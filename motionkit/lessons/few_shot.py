@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import html
-import io
 from collections.abc import Mapping
 
 import ipywidgets
@@ -13,17 +11,16 @@ from torch import Tensor
 from .. import bvh
 from ..errors import MotionKitError
 from ..motion import Motion
-from ..viewer.figure import StillWidget
 from ..viewer.player import Player
-from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, strip
+from ..viewer.plots import INK, StaticFigure, strip
 from . import Exercise, seeded_randn
+from .text import MessageBox
 
-_TINTS = {"said": SOFT, "error": "#b3261e"}
 ALL = "all of them"
 _STRENGTHS = (0.0, 0.5, 0.75, 1.0, 1.25, 1.5)
 
 
-class StyleLesson(StillWidget, ipywidgets.HBox):
+class StyleLesson(MessageBox):
     """Controls on the left: a BVH file, a sentence that says what it does and how, *learn*; then what is to be played.
 
     On the right a player with a content and the same content in the style that was learned last, or with all contents
@@ -53,18 +50,12 @@ class StyleLesson(StillWidget, ipywidgets.HBox):
         if not contents or not all(isinstance(motion, Motion) for motion in contents.values()):
             raise MotionKitError(f"StyleLesson: expected contents by their captions; found {contents!r:.80}")
         self._method, self._contents, self._clip = method, dict(contents), style
-        self.learned, self.results, self.message, self._kind = None, [], "", "said"
-        self.controls = _controls(list(self._contents), prompt)
+        self.learned, self.results = None, []
+        controls = _controls(list(self._contents), prompt)
+        file, sentence, *playing = controls.values()
         self.button = ipywidgets.Button(description="learn", button_style="primary", layout={"width": "110px"})
-        self._text = ipywidgets.HTML(layout={"width": "290px"})
-        self.player = Player(self.chosen, height=360, roles=["content"], labels=["content"])
-        names = ("file", "prompt")
-        left = [*(self.controls[name] for name in names), self.button, self.controls["content"]]
-        column = ipywidgets.VBox(
-            [*left, self.controls["strength"], self._text], layout={"width": "310px", "padding": "4px 8px 0 0"}
-        )
-        show = ipywidgets.Box([self.player], layout={"flex": "1 1 360px", "min_width": "300px", "display": "block"})
-        super().__init__([column, show], layout={"flex_flow": "row wrap"})
+        player = Player(next(iter(self._contents.values())), height=360, roles=["content"], labels=["content"])
+        super().__init__(player, controls, [file, sentence, self.button, *playing])
         self._tell("said", "give a BVH file of a second or more, and say what it does and how")
         if style is not None:
             self._learn()
@@ -133,24 +124,16 @@ class StyleLesson(StillWidget, ipywidgets.HBox):
             shown, names, roles = made, self._names, ["result"] * len(made)
         self.player.set_motions(shown, labels=names, roles=roles, layout=layout)
 
-    def _tell(self, kind: str, text: str) -> None:
-        self._kind, self.message = kind, text
-        said = html.escape(text)
-        self._text.value = f'<div style="color: {_TINTS[kind]}; line-height: 1.35; padding-top: 6px">{said}</div>'
-
     def still(self) -> bytes:
         """Content, result and message, as the bytes of a PNG."""
         made, plain = self.results, self.chosen
         plain = [] if len(made) > 1 else plain
         rows, roles = [*plain, *made], ["content"] * len(plain) + ["result"] * len(made)
-        picture, raw = StaticFigure(figsize=(8.6, 1.0 + 1.7 * len(rows)), dpi=100), io.BytesIO()
+        picture = StaticFigure(figsize=(8.6, 1.0 + 1.7 * len(rows)), dpi=100)
         labels = ["content", self.learned.style] if len(made) == 1 else self._names
         strip(rows, poses=9, labels=labels, roles=roles, ax=picture.add_axes((0, 0.12, 1, 0.85)))
-        told = self.message if len(self.message) < 130 else f"{self.message[:127]}..."
-        colour = INK if self._kind == "said" else _TINTS["error"]
-        picture.text(0.025, 0.05, told, fontsize=8.5, color=colour, va="center")
-        picture.savefig(raw, format="png", facecolor="white")
-        return few_colours(raw)
+        self._write_message(picture, INK)
+        return picture.png()
 
 
 def _controls(captions: list[str], prompt: str) -> dict[str, ipywidgets.Widget]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,8 +18,9 @@ from ..dtw import dtw_costs
 from ..errors import MotionKitError
 from ..metrics import fmd, gaussian
 from ..viewer import colours
+from ..viewer.figure import StillWidget
 from ..viewer.player import Player
-from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, style_axes
+from ..viewer.plots import INK, SOFT, StaticFigure, style_axes
 from ..viewer.scenes import Scene
 from . import Exercise, seeded_randn
 from .representation import Explorer
@@ -153,9 +152,7 @@ def _distance(a: Tensor, b: Tensor, shift: float) -> float:
 
 
 def plot_confusion(
-    counts: Tensor | Sequence[Tensor],
-    labels: Sequence[str] | Sequence[Sequence[str]],
-    title: str | Sequence[str] = "",
+    counts: Tensor | Sequence[Tensor], labels: Sequence[str] | Sequence[Sequence[str]], title: str | Sequence[str] = ""
 ) -> StaticFigure:
     """What a classifier takes each class for: rows are the truth, columns what it found, cells per cent of the row.
 
@@ -445,7 +442,7 @@ class MapFigure(Scene):
 def _figure(drawn: _Drawn, size: tuple[int, int]) -> MapFigure:
     figure = MapFigure(_traces(drawn), _layout(drawn, size))
     figure.__dict__["_motionkit_drawn"] = drawn
-    figure.__dict__["_motionkit_still"] = lambda: _still(drawn, "jpeg")
+    figure.__dict__["_motionkit_still"] = lambda: draw_map(drawn).jpeg()
     return figure
 
 
@@ -531,19 +528,7 @@ def draw_map(drawn: _Drawn) -> StaticFigure:
     return picture
 
 
-def _still(drawn: _Drawn, kind: str) -> bytes:
-    from PIL import Image
-
-    raw, small = io.BytesIO(), io.BytesIO()
-    draw_map(drawn).savefig(raw, format="png", facecolor="white")
-    if kind == "png":
-        return few_colours(raw)
-    with Image.open(raw) as image:
-        image.convert("RGB").save(small, format="jpeg", quality=80, optimize=True)
-    return small.getvalue()
-
-
-class FeatureMap(ipywidgets.Box):
+class FeatureMap(StillWidget, ipywidgets.Box):
     """A map of clips beside a player; see `feature_map`.
 
     `figure` is plotly's widget, `player` shows the clip of the dot last pointed at, `shown` is the row given that it
@@ -584,15 +569,13 @@ class FeatureMap(ipywidgets.Box):
 
     def still(self) -> bytes:
         """The map as the bytes of a PNG."""
-        return _still(self._drawn, "png")
+        return draw_map(self._drawn).png()
 
     def __repr__(self) -> str:
         return repr(self._drawn)
 
     def _repr_mimebundle_(self, **more: object) -> dict:
-        """The live widget, and beside it the picture for pages that run nothing."""
-        bundle = super()._repr_mimebundle_(**more) or {}
-        return {**bundle, "image/png": base64.b64encode(self.still()).decode(), "text/plain": repr(self)}
+        return {**super()._repr_mimebundle_(**more), "text/plain": repr(self)}
 
 
 def _crowds() -> dict[str, tuple]:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import html
-import io
 import json
 import zlib
 from collections.abc import Mapping, Sequence
@@ -26,7 +23,7 @@ from ..methods.baselines import match_statistics
 from ..motion import Motion
 from ..skeleton import smpl
 from ..viewer import colours
-from ..viewer.figure import as_list, cone_outline, draw_figure, figures, view_axes
+from ..viewer.figure import HiddenStill, as_list, cone_outline, draw_figure, figures, view_axes
 from ..viewer.plots import INK, SOFT, StaticFigure, style_axes
 from . import Exercise, seeded_randn
 
@@ -234,11 +231,12 @@ def _keys(ax: object, look: dict, now: np.ndarray, number: int) -> None:
 _JS = Path(__file__).parent / "js"
 
 
-class _Inspector(anywidget.AnyWidget):
+class _Inspector(HiddenStill, anywidget.AnyWidget):
     """What both share: a motion, the frame shown, and a still of it."""
 
     _esm = (_JS / "inspectors.js").read_text(encoding="utf-8")
     _css = (_JS / "inspectors.css").read_text(encoding="utf-8")
+    _view = "mk-inspect"
     _kind = traitlets.Unicode().tag(sync=True)
     _look = traitlets.Unicode().tag(sync=True)
     _points = traitlets.Bytes().tag(sync=True)
@@ -262,32 +260,9 @@ class _Inspector(anywidget.AnyWidget):
 
     def still(self) -> bytes:
         """What the view shows now, as the bytes of a PNG."""
-        from matplotlib.figure import Figure as Picture
-        from PIL import Image
-
-        picture = Picture(figsize=(8.4, 4.1), dpi=100, layout="constrained")
+        picture = StaticFigure(figsize=(8.4, 4.1), dpi=100, layout="constrained")
         self.draw(picture)
-        raw, small = io.BytesIO(), io.BytesIO()
-        picture.savefig(raw, format="png", facecolor="white")
-        image = Image.open(raw).convert("RGB").quantize(128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-        image.save(small, format="png", optimize=True)
-        return small.getvalue()
-
-    def _repr_mimebundle_(self, **_: object) -> dict:
-        view = {"version_major": 2, "version_minor": 0, "model_id": self.model_id}
-        return {"application/vnd.jupyter.widget-view+json": view, "text/plain": repr(self)}
-
-    def _ipython_display_(self, **_: object) -> None:
-        """Show the live view, and after it a still that the live view hides."""
-        from IPython.display import display
-
-        # without a kernel JupyterLab complains in the view's place; where HTML is trusted, the rule takes that away
-        rule = f".jp-OutputArea-child:not(:has(.mk-inspect)):has(+ .jp-OutputArea-child .{self._still})"
-        source = base64.b64encode(self.still()).decode()
-        image = f'<img alt="{html.escape(repr(self))}" src="data:image/png;base64,{source}" style="max-width: 100%">'
-        still = f'<style>{rule} {{ display: none; }}</style><div class="{self._still}">{image}</div>'
-        display(self._repr_mimebundle_(), raw=True)
-        display({"text/html": still, "text/plain": "(still picture)"}, raw=True)
+        return picture.png()
 
 
 class FacingView(_Inspector):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -15,7 +14,7 @@ from torch import Tensor
 from .. import rotations as rot
 from ..errors import MotionKitError
 from ..viewer import colours
-from ..viewer.figure import draw_figure, draw_floor, figures, view_axes
+from ..viewer.figure import StillWidget, draw_figure, draw_floor, figures, view_axes
 from ..viewer.plots import INK, SOFT, StaticFigure, _axes, few_colours, style_axes
 from . import Exercise, seeded_randn
 
@@ -193,15 +192,7 @@ def _name_axle(ax: object, axle: np.ndarray, n: int, name: str, colour: str) -> 
         ax.plot(*ends.T, ":", color=colour, lw=1.4, zorder=8)
     halo = [withStroke(linewidth=3.5, foreground="white")]
     ax.text(
-        *place,
-        name,
-        color=colour,
-        fontsize=12,
-        weight="bold",
-        ha="center",
-        va="center",
-        zorder=9,
-        path_effects=halo,
+        *place, name, color=colour, fontsize=12, weight="bold", ha="center", va="center", zorder=9, path_effects=halo
     )
 
 
@@ -291,7 +282,7 @@ def write_numbers(picture: object, order: str, degrees: Sequence[float]) -> None
 ORDERS = ("ZXY", "ZYX", "XYZ", "XZY", "YXZ", "YZX", "ZXZ", "ZYZ", "XYX", "XZX", "YXY", "YZY")
 
 
-class Explorer(ipywidgets.VBox):
+class Explorer(StillWidget, ipywidgets.VBox):
     """A picture over the controls that change it.
 
     controls: name to widget; whole-number sliders stand at the right, all else at the left. draw: called with the
@@ -305,6 +296,8 @@ class Explorer(ipywidgets.VBox):
     >>> explorer.values()
     {'x': 5}
     """
+
+    about = "sliders"
 
     def __init__(
         self,
@@ -340,23 +333,15 @@ class Explorer(ipywidgets.VBox):
         """The picture as it is now."""
         return self._image.value
 
+    def still(self) -> bytes:
+        """The picture as it is now, in few colours."""
+        return few_colours(io.BytesIO(self.png))
+
     def _redraw(self, _: object = None) -> None:
-        self._image.value = _png(self._draw(**self.values()))
-
-    def _repr_mimebundle_(self, **more: object) -> dict:
-        """The live widget, and beside it the picture for pages that run nothing."""
-        bundle = super()._repr_mimebundle_(**more) or {}
-        return {
-            **bundle,
-            "image/png": base64.b64encode(few_colours(io.BytesIO(self.png))).decode(),
-            "text/plain": "(sliders: run this cell)",
-        }
-
-
-def _png(picture: object) -> bytes:
-    raw = io.BytesIO()
-    picture.savefig(raw, format="png", facecolor="white", pil_kwargs={"compress_level": 1})
-    return raw.getvalue()
+        raw = io.BytesIO()
+        picture = self._draw(**self.values())
+        picture.savefig(raw, format="png", facecolor="white", pil_kwargs={"compress_level": 1})
+        self._image.value = raw.getvalue()
 
 
 def rotation_explorer(order: str = "ZXY", degrees: Sequence[float] = (35, 50, -20)) -> Explorer:
@@ -369,9 +354,7 @@ def rotation_explorer(order: str = "ZXY", degrees: Sequence[float] = (35, 50, -2
         raise MotionKitError(f"Euler order {order!r}: expected one of {', '.join(ORDERS)}")
 
     def draw(order: str, first: float, second: float, third: float) -> object:
-        from matplotlib.figure import Figure
-
-        picture = Figure(figsize=(7.6, 3.9), dpi=115)
+        picture = StaticFigure(figsize=(7.6, 3.9), dpi=115)
         plot_gimbal(order, (first, second, third), ax=picture.add_axes((0, 0, 0.53, 1)))
         write_numbers(picture, order, (first, second, third))
         return picture
@@ -463,9 +446,7 @@ def fk_explorer(motion: object, joint: str | None = None, axis: str = "Z", degre
     chosen = names[motion.skeleton.index(joint)] if joint else first
 
     def draw(joint: str, axis: str, angle: float, frame: int) -> object:
-        from matplotlib.figure import Figure
-
-        picture = Figure(figsize=(7.6, 4.2), dpi=115)
+        picture = StaticFigure(figsize=(7.6, 4.2), dpi=115)
         ax = picture.add_axes((0, 0, 1, 1))
         plot_turned(motion, joint, axis, angle, frame, ax=ax)
         ax.set_xlim(*(x * motion.skeleton.height for x in (-0.74, 1.5)))  # leave room for the names

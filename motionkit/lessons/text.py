@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import io
 import warnings
 from collections.abc import Sequence
 
@@ -19,7 +18,7 @@ from ..motion import Motion
 from ..text import similarity
 from ..viewer.figure import StillWidget
 from ..viewer.player import Player
-from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, strip
+from ..viewer.plots import INK, SOFT, StaticFigure, strip
 from . import Exercise, seeded_randn
 
 _WRITTEN = 14  # rows and columns up to which numbers are written into the cells
@@ -97,7 +96,32 @@ PROMPT = "a person walks in depression"
 _TINTS = {"said": SOFT, "warning": "#9a6200", "error": "#b3261e"}
 
 
-class PromptBox(StillWidget, ipywidgets.HBox):
+class MessageBox(StillWidget, ipywidgets.HBox):
+    """Controls in a column on the left, under them a message, and on the right a player.
+
+    `controls`: name to widget. `message`: what stands under them.
+    """
+
+    def __init__(self, player: Player, controls: dict[str, ipywidgets.Widget], column: Sequence) -> None:
+        self.player, self.controls = player, controls
+        self._text = ipywidgets.HTML(layout={"width": "290px"})
+        left = ipywidgets.VBox([*column, self._text], layout={"width": "310px", "padding": "4px 8px 0 0"})
+        show = ipywidgets.Box([player], layout={"flex": "1 1 360px", "min_width": "300px", "display": "block"})
+        super().__init__([left, show], layout={"flex_flow": "row wrap"})
+
+    def _tell(self, kind: str, text: str) -> None:
+        """Write the message: as something said, a warning or an error."""
+        self._kind, self.message, shown = kind, text, html.escape(text)
+        self._text.value = f'<div style="color: {_TINTS[kind]}; line-height: 1.35; padding-top: 6px">{shown}</div>'
+
+    def _write_message(self, picture: StaticFigure, ink: str = SOFT) -> None:
+        """The message at the bottom of a still; ink: of what is neither a warning nor an error."""
+        text = self.message if len(self.message) < 130 else f"{self.message[:127]}..."
+        colour = ink if self._kind == "said" else _TINTS[self._kind]
+        picture.text(0.025, 0.05, text, fontsize=8.5, color=colour, va="center")
+
+
+class PromptBox(MessageBox):
     """A sentence on the left, and on the right a player with the motion that a prior makes of it.
 
     Press Enter and the player follows, and so it does at every move of a slider; "another" asks the same again from
@@ -137,26 +161,18 @@ class PromptBox(StillWidget, ipywidgets.HBox):
         seed: int = 0,
     ) -> None:
         _check_prior(prior)
-        self._prior, self._steps, self.message, self._kind = prior, steps, "", "said"
+        self._prior, self._steps = prior, steps
         scale = (GUIDANCE_SCALE if prior.guided else 1.0) if scale is None else scale
         seconds = min(4.0, prior.longest / prior.fps) if seconds is None else seconds
         self._near = _nearest(prior, prompt)
-        self.motion, told = _answer(prior, prompt, seconds=seconds, scale=scale, steps=steps, seed=seed)
-        self.controls = _controls(prior, prompt, seconds, scale, seed)
-        self.player = Player(self.motion, height=360)
-        self._text = ipywidgets.HTML(layout={"width": "290px"})
+        self.motion, message = _answer(prior, prompt, seconds=seconds, scale=scale, steps=steps, seed=seed)
+        controls = _controls(prior, prompt, seconds, scale, seed)
         self._go = _button("move", "Make a motion of this sentence", "primary")
         self._more = _button("another", "The same sentence from other noise", "")
-        left = [
-            self.controls["prompt"],
-            ipywidgets.HBox([self._go, self._more]),
-            *(self.controls[name] for name in ("seconds", "scale", "seed")),
-            self._text,
-        ]
-        column = ipywidgets.VBox(left, layout={"width": "310px", "padding": "4px 8px 0 0"})
-        show = ipywidgets.Box([self.player], layout={"flex": "1 1 360px", "min_width": "300px", "display": "block"})
-        super().__init__([column, show], layout={"flex_flow": "row wrap"})
-        self._tell(*told)
+        prompt, *numbers = controls.values()
+        column = [prompt, ipywidgets.HBox([self._go, self._more]), *numbers]
+        super().__init__(Player(self.motion, height=360), controls, column)
+        self._tell(*message)
         self._asked = self.values()
         for control in self.controls.values():
             control.observe(lambda _: self._follow(), "value")
@@ -182,10 +198,10 @@ class PromptBox(StillWidget, ipywidgets.HBox):
         try:
             prompt = asked.pop("prompt")
             near = _nearest(self._prior, prompt)
-            motion, told = _answer(self._prior, prompt, steps=self._steps, **asked)
+            motion, message = _answer(self._prior, prompt, steps=self._steps, **asked)
             self.player.set_motions(motion)
             self.motion, self._near = motion, near
-            self._tell(*told)
+            self._tell(*message)
         except MotionKitError as error:
             self._tell("error", str(error))
         finally:
@@ -193,20 +209,16 @@ class PromptBox(StillWidget, ipywidgets.HBox):
             self._go.description, self._go.disabled, self._more.disabled = "move", False, False
 
     def _tell(self, kind: str, text: str) -> None:
-        self._kind, self.message = kind, text or self._near
-        said = html.escape(self.message)
-        self._text.value = f'<div style="color: {_TINTS[kind]}; line-height: 1.35; padding-top: 6px">{said}</div>'
+        super()._tell(kind, text or self._near)
 
     def still(self) -> bytes:
         """The sentence, poses of the motion made of it, and the message, as the bytes of a PNG."""
-        picture, raw = StaticFigure(figsize=(8.6, 3.0), dpi=100), io.BytesIO()
+        picture = StaticFigure(figsize=(8.6, 3.0), dpi=100)
         box = {"boxstyle": "round,pad=0.45", "facecolor": "white", "edgecolor": "#9aa5b1"}
         picture.text(0.035, 0.9, self.motion.name, fontsize=12, color=INK, va="center", bbox=box)
         strip(self.motion, poses=9, ax=picture.add_axes((0, 0.1, 1, 0.72)))
-        told = self.message if len(self.message) < 130 else f"{self.message[:127]}..."
-        picture.text(0.025, 0.05, told, fontsize=8.5, color=_TINTS[self._kind], va="center")
-        picture.savefig(raw, format="png", facecolor="white")
-        return few_colours(raw)
+        self._write_message(picture)
+        return picture.png()
 
 
 def _check_prior(prior: object) -> None:

@@ -1,12 +1,9 @@
-"""The kit's colours: limbs by side, characters by role. Every picture takes them from here.
-
-All are told apart with the common forms of colour blindness: they come from the Okabe-Ito set, made a little calmer,
-and differ in lightness as well as in hue.
-"""
+"""Motions as figures ready to be drawn: bones, sizes and places; drawn with matplotlib, or packed for the browser."""
 
 from __future__ import annotations
 
 import base64
+import html
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import MotionKitError, motion_inside
-from .colours import CONTACT, limb_colours, mix, role_colour
+from .colours import CONTACT, ROLES, limb_colours, mix, role_colour
 
 LAYOUTS = ("side", "treadmill", "overlay")
 
@@ -89,6 +86,15 @@ def per_motion(values: Sequence | None, count: int, what: str) -> list:
     if len(found) != count:
         raise MotionKitError(f"{what}: expected {count}, one for each motion; found {len(found)}")
     return found
+
+
+def label_texts(motions: object, labels: Sequence | None, roles: Sequence | None) -> list:
+    """A text or None for each motion: the labels given; left out, the role or name where there are several."""
+    shown = as_list(motions)
+    texts = per_motion(labels, len(shown), "labels")
+    if labels is not None or len(shown) == 1:
+        return texts
+    return [role if role in ROLES else m.name for m, role in zip(shown, per_motion(roles, len(shown), "roles"))]
 
 
 def figures(motions: object, *, roles: Sequence | None = None, layout: str = "side") -> list[Figure]:
@@ -345,7 +351,31 @@ class StillWidget:
         return {**bundle, "image/png": png, "text/plain": told}
 
 
-STEPS = 32767
+class HiddenStill:
+    """To be named before a widget's class: after the live view comes a picture that it hides, `still()`.
+
+    The widget gives `_still`, a name, and `_view`, the CSS class of its live view.
+    """
+
+    def _repr_mimebundle_(self, **_: object) -> dict:
+        view = {"version_major": 2, "version_minor": 0, "model_id": self.model_id}
+        return {"application/vnd.jupyter.widget-view+json": view, "text/plain": repr(self)}
+
+    def _ipython_display_(self, **_: object) -> None:
+        """Shows the live view and a still that it hides: the still is what a page without a kernel shows."""
+        from IPython.display import display
+
+        # JupyterLab without a kernel puts a line of complaint in the view's place. In a notebook that was run here, and
+        # is trusted, this rule takes it away; as long as a live view is there, its own rule hides this still instead.
+        place = f".jp-OutputArea-child:not(:has(.{self._view})):has(+ .jp-OutputArea-child .{self._still})"
+        source, text = base64.b64encode(self.still()).decode(), html.escape(repr(self))
+        image = f'<img alt="{text}" src="data:image/png;base64,{source}" style="max-width: 100%">'
+        still = f'<style>{place} {{ display: none; }}</style><div class="{self._still}">{image}</div>'
+        display(self._repr_mimebundle_(), raw=True)
+        display({"text/html": still, "text/plain": "(still picture)"}, raw=True)
+
+
+_STEPS = 32767  # what a 16-bit number holds
 
 
 def encode_scene(
@@ -354,7 +384,6 @@ def encode_scene(
     labels: Sequence[str | None],
     trails: Sequence[str] = (),
     contacts: Sequence | None = None,
-    follow: bool = True,
 ) -> bytes:
     """Figures as the bytes that `player.js` reads.
 
@@ -362,17 +391,18 @@ def encode_scene(
     number and bool array [F].
     """
     blocks: list[bytes] = []
-    head = {"motions": [], "follow": follow, "contact": CONTACT}
-    marks = contacts if contacts is not None else [None] * len(figures)
-    for figure, label, mark in zip(figures, labels, marks):
-        head["motions"].append(_describe(figure, label, trails, mark or [], blocks))
-    return _join(head, blocks)
+    head = {"motions": [], "follow": True, "contact": CONTACT}
+    for figure, label, marks in zip(figures, labels, contacts or [None] * len(figures)):
+        head["motions"].append(_describe(figure, label, trails, marks or [], blocks))
+    text = json.dumps(head, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    return len(text).to_bytes(4, "little") + text + b"".join(blocks)
 
 
 def _describe(figure: Figure, label: str | None, trails: Sequence[str], marks: Sequence, blocks: list[bytes]) -> dict:
     root = figure.points[:, 0]
     around = figure.points - root[:, None]
-    scale = max(float(np.abs(around).max()), 1e-6) / STEPS
+    scale = max(float(np.abs(around).max()), 1e-6) / _STEPS
     known = [figure.names.index(n) for n in trails if n in figure.names]
     return {
         "label": label or "",
@@ -405,12 +435,6 @@ def _add(blocks: list[bytes], array: np.ndarray) -> int:
     raw = np.ascontiguousarray(array).tobytes()
     blocks.append(raw + bytes(-len(raw) % 4))
     return place
-
-
-def _join(head: dict, blocks: Sequence[bytes]) -> bytes:
-    text = json.dumps(head, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    return len(text).to_bytes(4, "little") + text + b"".join(blocks)
 
 
 def decode_scene(data: bytes) -> tuple[dict, list[np.ndarray]]:
@@ -464,8 +488,3 @@ def _column(figure: Figure, values: object) -> np.ndarray:
     if len(column) != len(figure.points):
         raise MotionKitError(f"contacts of {figure.name!r}: expected {len(figure.points)} frames, found {len(column)}")
     return column
-
-
-def inline(data: bytes) -> str:
-    """Bytes as base64 text."""
-    return base64.b64encode(data).decode()

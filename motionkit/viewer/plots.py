@@ -11,7 +11,18 @@ from matplotlib.figure import Figure as Picture
 
 from ..errors import MotionKitError
 from . import colours
-from .figure import TURN, Figure, as_list, draw_figure, draw_floor, figures, left_mask, per_motion, view_axes
+from .figure import (
+    TURN,
+    Figure,
+    as_list,
+    draw_figure,
+    draw_floor,
+    figures,
+    label_texts,
+    left_mask,
+    per_motion,
+    view_axes,
+)  # fmt: skip
 
 INK, SOFT = "#39424e", "#7a8491"
 
@@ -19,16 +30,32 @@ INK, SOFT = "#39424e", "#7a8491"
 class StaticFigure(Picture):
     """A matplotlib Figure that notebooks show by itself, without pyplot and the figures it keeps."""
 
-    def _repr_png_(self) -> bytes:
+    def png(self) -> bytes:
+        """The bytes of a PNG with few colours."""
+        return few_colours(self._raw())
+
+    def jpeg(self) -> bytes:
+        """The bytes of a JPEG."""
+        from PIL import Image
+
+        small = io.BytesIO()
+        with Image.open(self._raw()) as image:
+            image.convert("RGB").save(small, format="jpeg", quality=80, optimize=True)
+        return small.getvalue()
+
+    def _raw(self) -> io.BytesIO:
         raw = io.BytesIO()
         self.savefig(raw, format="png", facecolor="white")
-        return few_colours(raw)
+        return raw
+
+    def _repr_png_(self) -> bytes:
+        return self.png()
 
     def _ipython_display_(self) -> None:
         """Goes before the way in which pyplot, once imported, shows figures: its pictures are ten times as large."""
         from IPython.display import display
 
-        picture = base64.b64encode(self._repr_png_()).decode()
+        picture = base64.b64encode(self.png()).decode()
         display({"image/png": picture, "text/plain": repr(self)}, raw=True)
 
 
@@ -59,7 +86,7 @@ def strip(
     times = np.linspace(0, max(f.end for f in rows), poses)
     for row, character in enumerate(rows):
         _strip_row(ax, character, times, step, -row * high)
-    _strip_texts(ax, _labels(motions, labels, roles), [f.role if roles else None for f in rows], times, step, high)
+    _strip_texts(ax, label_texts(motions, labels, roles), [f.role if roles else None for f in rows], times, step, high)
     ax.set_xlim(-0.75 * step, (poses - 0.45) * step)
     ax.set_ylim(-(len(rows) - 1) * high - 0.2 * high, 0.97 * high)
     ax.set_aspect("equal")
@@ -141,7 +168,7 @@ def still(
     It is what `Player` leaves on a page that runs nothing. A motion that ended before holds its last pose.
     """
     made = figures(motions, roles=roles, layout=layout)
-    texts = _labels(motions, labels, roles, single=labels is not None)
+    texts = label_texts(motions, labels, roles)
     time = frame / made[0].fps
     axes = view_axes(made[0].left, TURN if len(made) == 1 else 0.36)
     poses = [f.at(time) for f in made]
@@ -177,24 +204,18 @@ def _frame_still(ax: object, seen: np.ndarray, size: float) -> None:
 
 def still_png(motions: object, frame: int = 0, *, pixels: tuple[int, int] = (760, 380), **shown: object) -> bytes:
     """`still` as the bytes of a PNG with 128 colours, 10 to 30 KB. pixels: width and height."""
-    return few_colours(_draw(motions, frame, pixels, shown))
+    return _still_figure(motions, frame, pixels, shown).png()
 
 
 def still_jpeg(motions: object, frame: int = 0, *, pixels: tuple[int, int] = (760, 380), **shown: object) -> bytes:
     """`still` as the bytes of a JPEG, about 20 KB. pixels: width and height."""
-    from PIL import Image
-
-    small = io.BytesIO()
-    with Image.open(_draw(motions, frame, pixels, shown)) as image:
-        image.convert("RGB").save(small, format="jpeg", quality=80, optimize=True)
-    return small.getvalue()
+    return _still_figure(motions, frame, pixels, shown).jpeg()
 
 
-def _draw(motions: object, frame: int, pixels: tuple[int, int], shown: dict) -> io.BytesIO:
-    picture, raw = Picture(figsize=(pixels[0] / 100, pixels[1] / 100), dpi=100), io.BytesIO()
+def _still_figure(motions: object, frame: int, pixels: tuple[int, int], shown: dict) -> StaticFigure:
+    picture = StaticFigure(figsize=(pixels[0] / 100, pixels[1] / 100), dpi=100)
     still(motions, frame, ax=picture.add_axes((0, 0, 1, 1)), **shown)
-    picture.savefig(raw, format="png", facecolor="white")
-    return raw
+    return picture
 
 
 def few_colours(raw: io.BytesIO) -> bytes:
@@ -224,7 +245,7 @@ def plot_trajectory(
     if every <= 0:
         raise MotionKitError(f"plot_trajectory: expected every > 0 seconds, found {every}")
     ax, picture = _axes(ax, (4.2, 4.2))
-    texts = _labels(motions, labels, roles)
+    texts = label_texts(motions, labels, roles)
     for motion, figure, text in zip(as_list(motions), figures(motions, roles=roles, layout="overlay"), texts):
         _path(ax, figure, left_mask(figure.points, motion.skeleton.sides, figure.parents), text, every)
     ax.set_xlabel("x (m)")
@@ -299,12 +320,3 @@ def _axes(ax: object, inches: tuple[float, float]) -> tuple[object, object]:
         return ax, ax.figure
     picture = StaticFigure(figsize=inches, dpi=110, layout="constrained")
     return picture.add_subplot(), picture
-
-
-def _labels(motions: object, labels: Sequence[str] | None, roles: Sequence[str] | None, single: bool = False) -> list:
-    """Texts for motions: those given, else the role or name where there are several."""
-    found = as_list(motions)
-    given = per_motion(labels, len(found), "labels")
-    if labels is not None or (len(found) == 1 and not single):
-        return given
-    return [role if role in colours.ROLES else m.name for m, role in zip(found, per_motion(roles, len(found), "roles"))]

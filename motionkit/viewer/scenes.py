@@ -9,8 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from ..errors import MotionKitError
-from . import colours
-from .figure import Figure, as_list, figures, per_motion
+from .figure import Figure, as_list, figures, label_texts
 
 MIME = "application/vnd.plotly.v1+json"
 FRAMES = 48
@@ -62,10 +61,7 @@ def scene(
         raise MotionKitError(f"scene: expected frames and stride of at least 1, found frames={frames}, stride={stride}")
     made = figures(motions, roles=roles, layout=layout)
     end, times = _moments_shown(made, frames, stride)
-    texts = per_motion(labels, len(made), "labels")
-    if labels is None and len(made) > 1:
-        given = per_motion(roles, len(made), "roles")
-        texts = [role if role in colours.ROLES else f.name for f, role in zip(made, given)]
+    texts = label_texts(motions, labels, roles)
     runs = [(f, *run) for f in made for run in _runs(f)]
     picture = Scene(data=_traces(runs, made, texts, times[0]), layout=_layout(made, times, height))
     picture.frames = [
@@ -104,8 +100,7 @@ def _runs(figure: Figure) -> list[tuple[str, list[int | None]]]:
         left.discard((parent, child))
         while True:
             onward = next(
-                (c for c in children.get(run[-1], []) if figure.colours[c] == colour and (run[-1], c) in left),
-                None,
+                (c for c in children.get(run[-1], []) if figure.colours[c] == colour and (run[-1], c) in left), None
             )
             if onward is None:
                 break
@@ -166,15 +161,7 @@ def _floor(made: Sequence[Figure]) -> dict:
     low, high, size = _box(made)
     tile = 0.5 if size > 0.5 else size / 3
     tile *= max(1, np.ceil(max(high[0] - low[0], high[2] - low[2]) / tile / 24))
-    x0, x1, z0, z1 = (
-        float(v * tile)
-        for v in (
-            np.floor(low[0] / tile),
-            np.ceil(high[0] / tile),
-            np.floor(low[2] / tile),
-            np.ceil(high[2] / tile),
-        )
-    )
+    (x0, _, z0), (x1, _, z1) = (np.floor(low / tile) * tile).tolist(), (np.ceil(high / tile) * tile).tolist()
     xs, zs = [], []
     for x in np.arange(x0, x1 + tile / 2, tile):
         xs += [round(float(x), 3)] * 2 + [None]
@@ -213,11 +200,7 @@ def _camera(made: Sequence[Figure], ratio: dict) -> dict:
     away = 0.12 * across + max(0.6 * across, 1.05 * up)
     x, y = np.cos(turn) * left[0] + np.sin(turn) * left[2], np.sin(turn) * left[0] - np.cos(turn) * left[2]
     eye = {"x": round(float(away * x), 3), "y": round(float(away * y), 3), "z": round(0.22 * away, 3)}
-    return {
-        "eye": eye,
-        "center": {"x": 0, "y": 0, "z": round(-0.04 * up, 3)},
-        "projection": {"type": "perspective"},
-    }
+    return {"eye": eye, "center": {"x": 0, "y": 0, "z": round(-0.04 * up, 3)}, "projection": {"type": "perspective"}}
 
 
 def _controls(times: np.ndarray) -> dict:

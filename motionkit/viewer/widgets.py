@@ -1,4 +1,4 @@
-"""A loss that is drawn while a network learns."""
+"""Widgets that move while something runs: a loss that is drawn as a network learns, and restyling live."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..methods.style_erd_stream import rotate_quaternion_y, rotate_y
 from ..motion import Motion
 from .figure import StillWidget, encode_scene, figures
 from .player import _JS, script
-from .plots import INK, StaticFigure, few_colours, strip, style_axes
+from .plots import INK, StaticFigure, strip, style_axes
 
 _RAW, _SMOOTH = "#b9cfe4", "#2b6ca8"
 _SHARE = 0.05  # of the time that a training run may spend on pictures
@@ -149,7 +149,7 @@ class LossCurve:
         return f"LossCurve({self.title!r}: step {self.steps[-1]}, smoothed loss {_last(self.smoothed())})"
 
     def _repr_png_(self) -> bytes:
-        return few_colours(io.BytesIO(self.png))
+        return self.figure().png()
 
     def _bundle(self) -> dict:
         """The living picture while it lives, then the still one."""
@@ -397,9 +397,8 @@ class Live(StillWidget, anywidget.AnyWidget):
         """Content and result of the last two seconds, as the bytes of a PNG."""
         while len(self._kept) < round(1.5 * self._model.fps):
             self.step()
-        picture, raw = StaticFigure(figsize=(8.6, 3.8), dpi=100), io.BytesIO()
+        picture = StaticFigure(figsize=(8.6, 3.8), dpi=100)
         labels = ["content", self.left if self.mix <= 0.5 else self.right]
         axes = picture.add_axes((0, 0.02, 1, 0.96))
         strip([self.content, self.result], poses=9, labels=labels, roles=["content", "result"], ax=axes)
-        picture.savefig(raw, format="png", facecolor="white")
-        return few_colours(raw)
+        return picture.png()
