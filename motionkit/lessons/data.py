@@ -102,8 +102,8 @@ def cycle_mean(values: Tensor, phase: Tensor, bins: int = 25) -> Tensor:
     tensor([2., 5.])
     """
     part = (phase * bins).long().clamp(max=bins - 1)
-    found = values.new_zeros(bins).index_add(0, part, values)
-    return found / torch.bincount(part, minlength=bins)
+    sums = values.new_zeros(bins).index_add(0, part, values)
+    return sums / torch.bincount(part, minlength=bins)
 
 
 def plot_phase(performances: Mapping[str, Performance], bins: int = 25) -> StaticFigure:
@@ -143,12 +143,12 @@ def plot_joint_errors(pose: Motion, errors: Mapping[str, Tensor]) -> StaticFigur
     figure = figures([pose.at_origin()], layout="overlay")[0]
     pale = replace(figure, colours=("#cfd6df",) * len(figure.colours))
     view = view_axes(figure.left)
-    seen, size = figure.points[0] @ view.T, figure.size
+    joints, size = figure.points[0] @ view.T, figure.size
     for ax, (name, values) in zip(picture.subplots(1, len(errors), squeeze=False)[0], errors.items()):
-        if len(values) != len(seen):
-            raise MotionKitError(f"plot_joint_errors: {name!r} has {len(values)} errors, the pose {len(seen)} joints")
+        if len(values) != len(joints):
+            raise MotionKitError(f"plot_joint_errors: {name!r} has {len(values)} errors, the pose {len(joints)} joints")
         draw_figure(ax, pale, figure.points[0], view)
-        for place, value in zip(seen, values.tolist()):
+        for place, value in zip(joints, values.tolist()):
             ax.add_patch(_disc(place, value / 1000))
         ax.set_title(f"{name}: {float(values.mean()):.0f} mm", fontsize=10, color=INK)
         ax.set(xlim=(-0.55 * size, 0.55 * size), ylim=(-0.12 * size, 1.15 * size), aspect="equal")
@@ -281,15 +281,13 @@ def style_mixer(content: str = "walk", style: str = "neutral", seed: int = 1, se
 
 def _controls(style: Style) -> dict[str, ipywidgets.Widget]:
     """A dropdown for named styles, the intensity, and a slider for each number."""
-    found: dict[str, ipywidgets.Widget] = {
+    names, wide = (*TRAIN_STYLES, *HELD_OUT_STYLES), {"layout": {"width": "290px"}}
+    controls: dict[str, ipywidgets.Widget] = {
         "style": ipywidgets.Dropdown(
-            options=(*TRAIN_STYLES, *HELD_OUT_STYLES),
-            value=style.name,
-            description="begin with",
-            layout={"width": "230px"},
+            options=names, value=style.name, description="begin with", layout={"width": "230px"}
         ),
         "intensity": ipywidgets.FloatSlider(
-            value=1.0, min=_WEAKEST, max=_STRONGEST, step=0.05, description="intensity", layout={"width": "290px"}
+            value=1.0, min=_WEAKEST, max=_STRONGEST, step=0.05, description="intensity", **wide
         ),
     }
     known = parameters()
@@ -297,16 +295,10 @@ def _controls(style: Style) -> dict[str, ipywidgets.Widget]:
         for name in group:
             about = known[name]
             step = float(np.power(10.0, np.floor(np.log10((about.high - about.low) / 60))))
-            found[name] = ipywidgets.FloatSlider(
-                value=getattr(style, name),
-                min=about.low,
-                max=about.high,
-                step=step,
-                description=name.replace("_", " "),
-                tooltip=f"{about.about} ({about.unit})",
-                layout={"width": "290px"},
-            )
-    return found
+            text = {"description": name.replace("_", " "), "tooltip": f"{about.about} ({about.unit})"}
+            span = {"min": about.low, "max": about.high, "step": step}
+            controls[name] = ipywidgets.FloatSlider(value=getattr(style, name), **span, **text, **wide)
+    return controls
 
 
 def _takes() -> dict[str, tuple]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+import ipywidgets
 import numpy as np
 import torch
 from torch import Tensor
@@ -86,14 +87,14 @@ def plot_poses(
     >>> [text.get_text() for text in picture.axes[0].texts][-4:]
     ['a', 'b', 'c', 'd']
     """
-    found = as_list(rows)
-    poses = len(found[0])
-    if {len(motion) for motion in found} != {poses} or len(captions) not in (0, poses):
+    motions = as_list(rows)
+    poses = len(motions[0])
+    if {len(motion) for motion in motions} != {poses} or len(captions) not in (0, poses):
         raise MotionKitError(
-            f"plot_poses: rows have {[len(m) for m in found]} frames, and there are {len(captions)} captions; expected "
-            "as many frames in each row, and a caption for each of them or none"
+            f"plot_poses: rows have {[len(m) for m in motions]} frames, and there are {len(captions)} captions; "
+            "expected as many frames in each row, and a caption for each of them or none"
         )
-    picture = strip([motion.replace(fps=1.0) for motion in found], poses=poses, labels=labels, roles=roles)
+    picture = strip([motion.replace(fps=1.0) for motion in motions], poses=poses, labels=labels, roles=roles)
     for place, text in zip(picture.axes[0].texts[-poses:], captions or [""] * poses):
         place.set_text(text)
     return picture
@@ -152,8 +153,6 @@ def slide(draw: Callable[..., object], width: int = 760, **ranges: Sequence) -> 
     >>> picture.values()
     {'t': 10}
     """
-    import ipywidgets
-
     wide = {"layout": {"width": "520px"}, "style": {"description_width": "70px"}}
     controls = {}
     for name, (values, first) in ranges.items():
@@ -161,9 +160,7 @@ def slide(draw: Callable[..., object], width: int = 760, **ranges: Sequence) -> 
         if first not in values:
             raise MotionKitError(f"slide: {name} cannot start at {first}; its values are {values[:4]} to {values[-1:]}")
         controls[name] = ipywidgets.SelectionSlider(options=values, value=first, description=name, **wide)
-    explorer = Explorer(controls, draw, width=width)
-    explorer.children = [explorer.children[0], ipywidgets.VBox(list(controls.values()))]
-    return explorer
+    return Explorer(controls, draw, width=width, in_one_column=True)
 
 
 def _x0_from_velocity(x: Tensor, v: Tensor, bar_t: float) -> Tensor:

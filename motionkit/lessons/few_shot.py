@@ -114,23 +114,23 @@ class StyleLesson(MessageBox):
             return
         strength = self.controls["strength"].value
         try:
-            made = [self._method.stylize(one, style, strength, caption=text) for one, text in zip(plain, captions)]
+            results = [self._method.stylize(one, style, strength, caption=text) for one, text in zip(plain, captions)]
         except MotionKitError as error:
             self._tell("error", str(error))
             return
-        self.results = made
-        shown, names, roles = [*plain, *made], ["content", style.style], ["content", "result"]
+        self.results = results
+        shown, names, roles = [*plain, *results], ["content", style.style], ["content", "result"]
         if several:
-            shown, names, roles = made, self._names, ["result"] * len(made)
+            shown, names, roles = results, self._names, ["result"] * len(results)
         self.player.set_motions(shown, labels=names, roles=roles, layout=layout)
 
     def still(self) -> bytes:
         """Content, result and message, as the bytes of a PNG."""
-        made, plain = self.results, self.chosen
-        plain = [] if len(made) > 1 else plain
-        rows, roles = [*plain, *made], ["content"] * len(plain) + ["result"] * len(made)
+        results, plain = self.results, self.chosen
+        plain = [] if len(results) > 1 else plain
+        rows, roles = [*plain, *results], ["content"] * len(plain) + ["result"] * len(results)
         picture = StaticFigure(figsize=(8.6, 1.0 + 1.7 * len(rows)), dpi=100)
-        labels = ["content", self.learned.style] if len(made) == 1 else self._names
+        labels = ["content", self.learned.style] if len(results) == 1 else self._names
         strip(rows, poses=9, labels=labels, roles=roles, ax=picture.add_axes((0, 0.12, 1, 0.85)))
         self._write_message(picture, INK)
         return picture.png()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import ipywidgets
 import numpy as np
@@ -114,12 +115,7 @@ def cloud_explorer(seed: int = 0) -> object:
         ),
     }
 
-    def draw(**values: float) -> object:
-        return _draw_explored(noise, **values)
-
-    explorer = Explorer(controls, draw, width=700)
-    explorer.children = [explorer.children[0], ipywidgets.VBox(list(controls.values()))]
-    return explorer
+    return Explorer(controls, partial(_draw_explored, noise), width=700, in_one_column=True)
 
 
 def _draw_explored(noise: Tensor, shift: float, spread: float, turn: float, points: int) -> object:
@@ -172,7 +168,7 @@ def plot_confusion(
             f"plot_confusion: {len(counts)} tables of counts, {len(labels)} lists of labels and {len(titles)} titles; "
             "expected one of each for every picture"
         )
-    tables = [_table(given, names) for given, names in zip(counts, labels)]
+    tables = [_table(count, names) for count, names in zip(counts, labels)]
     sizes = [len(table) for table in tables]
     wide = min(1.9 * len(tables) + 0.42 * sum(sizes), 11.0)
     picture = StaticFigure(figsize=(wide, min(1.5 + 0.42 * max(sizes), 5.6)), dpi=105, layout="constrained")
@@ -293,8 +289,8 @@ def _draw(ax: object, y: int, cell: Cell, colour: str) -> None:
 
 def _limits(ax: object, cells: list[Cell]) -> None:
     """Room on both sides; from 0 where the figures are not far from it."""
-    seen = [x for c in cells for x in (c.value, c.low, c.high) if x == x]
-    low, high = (min(seen), max(seen)) if seen else (0.0, 1.0)
+    values = [x for c in cells for x in (c.value, c.low, c.high) if x == x]
+    low, high = (min(values), max(values)) if values else (0.0, 1.0)
     low = 0.0 if 0 <= low < 0.5 * high else low
     room = 0.06 * (high - low or 1.0)
     ax.set_xlim(low - room, high + room)
@@ -332,14 +328,14 @@ def embed(features: Tensor, seed: int = 0) -> Tensor:
     count, wide = int(known.sum()), x.shape[1]
     if count < 4 or wide < 2:
         raise MotionKitError(f"embed: expected at least 4 finite rows of at least 2 numbers, found {count} of {wide}")
-    found = x[known] - x[known].mean(0)
-    spread = np.abs(found).max()
+    centred = x[known] - x[known].mean(0)
+    spread = np.abs(centred).max()
     if not spread > 1e-9 * np.abs(x[known]).max():
         raise MotionKitError(f"embed: all {count} rows are alike, so there is nothing to lay out; look at the encoder")
     machine = TSNE(2, perplexity=min(30.0, (count - 1) / 3), init="pca", random_state=seed)
     places = np.full((len(x), 2), np.nan, np.float32)
     with threadpool_limits(1):  # more threads wait for each other longer than they work, and round differently
-        places[known] = machine.fit_transform((found / spread).astype(np.float32))
+        places[known] = machine.fit_transform((centred / spread).astype(np.float32))
     return torch.from_numpy(places)
 
 
@@ -457,6 +453,7 @@ def _looks(drawn: _Drawn) -> list[tuple[str, list[int], str, str]]:
 
 def _traces(drawn: _Drawn) -> list[dict]:
     """A plotly scatter for each label."""
+    edge = {"opacity": 0.9, "line": {"width": 0.5, "color": "white"}}
     return [
         {
             "type": "scatter",
@@ -466,13 +463,7 @@ def _traces(drawn: _Drawn) -> list[dict]:
             "y": drawn.points[own, 1].round(3).tolist(),
             "text": [drawn.names[n] for n in own],
             "hovertemplate": f"%{{text}}<extra>{label}</extra>",
-            "marker": {
-                "color": ink,
-                "symbol": mark,
-                "size": round(8 * _SIZES.get(mark, 1)),
-                "opacity": 0.9,
-                "line": {"width": 0.5, "color": "white"},
-            },
+            "marker": {**edge, "color": ink, "symbol": mark, "size": round(8 * _SIZES.get(mark, 1))},
         }
         for label, own, ink, mark in _looks(drawn)
     ]

@@ -181,10 +181,10 @@ def draw_features(picture: object, points: np.ndarray, look: dict, values: np.nd
 
 def _skeleton(ax: object, pose: np.ndarray, look: dict, number: int) -> None:
     view = np.float32(look["view"])
-    seen = pose @ view.T
-    _body(ax, look, seen[:, :2], seen[:, 2])
+    points = pose @ view.T
+    _body(ax, look, points[:, :2], points[:, 2])
     joint, axis = look["joints_of"][number], look["axis_of"][number]
-    lit = seen[look["pelvis"] if joint is None else joint]
+    lit = points[look["pelvis"] if joint is None else joint]
     if axis is not None:
         along = view[:, axis][:2]
         tip, back = lit[:2] + 0.36 * along, lit[:2] - 0.12 * along
@@ -292,8 +292,8 @@ class FeatureInspector(_Inspector):
     @property
     def joint(self) -> str | None:
         """The name of the joint that is lit, or None where the number speaks of the whole body."""
-        found = self._shape["joints_of"][self.number]
-        return None if found is None else self._shape["names"][found]
+        number = self._shape["joints_of"][self.number]
+        return None if number is None else self._shape["names"][number]
 
     @property
     def description(self) -> str:
@@ -370,10 +370,10 @@ def feature_inspector(
 
 
 def _one(motion: object) -> list:
-    found = as_list(motion)
-    if len(found) > 1:
-        raise MotionKitError(f"an inspector shows one motion; found {len(found)}: choose one of them")
-    return found
+    motions = as_list(motion)
+    if len(motions) > 1:
+        raise MotionKitError(f"an inspector shows one motion; found {len(motions)}: choose one of them")
+    return motions
 
 
 def _look_of(motion: object) -> dict:

@@ -189,16 +189,16 @@ class PromptBox(MessageBox):
 
     def _follow(self) -> None:
         """Make a motion of what the controls say, unless that is what is shown."""
-        asked = self.values()
-        if asked == self._asked:
+        values = self.values()
+        if values == self._asked:
             return
-        self._asked = asked
+        self._asked = values
         self._go.disabled = self._more.disabled = True
         self._go.description = "moving ..."
         try:
-            prompt = asked.pop("prompt")
+            prompt = values.pop("prompt")
             near = _nearest(self._prior, prompt)
-            motion, message = _answer(self._prior, prompt, steps=self._steps, **asked)
+            motion, message = _answer(self._prior, prompt, steps=self._steps, **values)
             self.player.set_motions(motion)
             self.motion, self._near = motion, near
             self._tell(*message)
@@ -233,13 +233,17 @@ def _check_prior(prior: object) -> None:
 
 def _answer(prior: object, prompt: str, **asked: object) -> tuple[Motion, tuple[str, str]]:
     """A motion of the sentence, and the kind and text of what has to be said about it."""
-    with warnings.catch_warnings(record=True) as heard:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", MotionKitWarning)
         motion = prior.generate(prompt, **asked)[0]
-    for other in (one for one in heard if not issubclass(one.category, MotionKitWarning)):
-        warnings.warn_explicit(other.message, other.category, other.filename, other.lineno)
-    told = " ".join(dict.fromkeys(str(one.message) for one in heard if issubclass(one.category, MotionKitWarning)))
-    return motion, ("warning" if told else "said", told)
+    texts = []
+    for warning in caught:
+        if issubclass(warning.category, MotionKitWarning):
+            texts.append(str(warning.message))
+        else:
+            warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
+    text = " ".join(dict.fromkeys(texts))
+    return motion, ("warning" if text else "said", text)
 
 
 def _nearest(prior: object, prompt: str) -> str:

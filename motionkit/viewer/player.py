@@ -36,30 +36,30 @@ def prepare(
     contacts: object = None,
 ) -> bytes:
     """Motions and what to show with them as the bytes that the browser reads; see `Player` for the arguments."""
-    found = as_list(motions)
-    made = figures(found, roles=roles, layout=layout)
-    texts = label_texts(found, labels, roles)
+    shown = as_list(motions)
+    placed = figures(shown, roles=roles, layout=layout)
+    texts = label_texts(shown, labels, roles)
     trails = (trails,) if isinstance(trails, str) else tuple(trails)
     for name in trails:
-        if not any(name in f.names for f in made):
-            raise MotionKitError(f"trails: no joint {name!r}; joints: {', '.join(made[0].names)}")
+        if not any(name in f.names for f in placed):
+            raise MotionKitError(f"trails: no joint {name!r}; joints: {', '.join(placed[0].names)}")
     if contacts is None or isinstance(contacts, bool):
-        contacts = [contacts] * len(made)
-    given = per_motion(contacts if isinstance(contacts, list) else [contacts], len(made), "contacts")
-    marks = [contact_marks(f, _feet(m, c)) for m, f, c in zip(found, made, given)]
-    return encode_scene(made, labels=texts, trails=trails, contacts=marks)
+        contacts = [contacts] * len(placed)
+    contacts_of_each = per_motion(contacts if isinstance(contacts, list) else [contacts], len(placed), "contacts")
+    marks = [contact_marks(f, _feet(m, c)) for m, f, c in zip(shown, placed, contacts_of_each)]
+    return encode_scene(placed, labels=texts, trails=trails, contacts=marks)
 
 
-def _feet(motion: object, given: object) -> object:
+def _feet(motion: object, contacts: object) -> object:
     """Contacts by name where they were asked for (True) or given as the tensor of `contacts.foot_contacts`."""
     from ..contacts import feet_of, foot_contacts
 
-    if given is None or given is False:
+    if contacts is None or contacts is False:
         return None
-    if given is True:
+    if contacts is True:
         return feet_of(motion), foot_contacts(motion)
-    alone = hasattr(given, "shape") and len(given.shape) == 2 and given.shape[1] != len(motion.skeleton.names)
-    return (feet_of(motion), given) if alone else given
+    alone = hasattr(contacts, "shape") and len(contacts.shape) == 2 and contacts.shape[1] != len(motion.skeleton.names)
+    return (feet_of(motion), contacts) if alone else contacts
 
 
 class Player(HiddenStill, anywidget.AnyWidget):
@@ -159,13 +159,13 @@ class Player(HiddenStill, anywidget.AnyWidget):
         wrong = sorted(set(changes) - set(self._shown))
         if wrong:
             raise MotionKitError(f"set_motions: unknown {', '.join(wrong)}; known: {', '.join(self._shown)}")
-        found = as_list(motions)
-        kept = {**self._shown, "contacts": None}
-        if len(found) != len(self._motions):
-            kept.update(labels=None, roles=None)
-        shown = {**kept, **changes}
-        data = prepare(found, **shown)
-        self._motions, self._shown = found, shown
+        replacing = as_list(motions)
+        looks = {**self._shown, "contacts": None}
+        if len(replacing) != len(self._motions):
+            looks.update(labels=None, roles=None)
+        shown = {**looks, **changes}
+        data = prepare(replacing, **shown)
+        self._motions, self._shown = replacing, shown
         self._data = data
         self.frame = min(self.frame, self.frame_count - 1)
 

@@ -109,9 +109,9 @@ def _spacing(rows: Sequence[Figure]) -> tuple[float, float]:
     """The distance between poses and between rows, metres."""
     wide, high = 0.0, 0.0
     for f in rows:
-        seen = (f.points[:, f.drawn] - _middles(f)[:, None]) @ view_axes(f.left).T
-        wide = max(wide, 2 * float(np.percentile(np.abs(seen[..., 0]), 98)))
-        high = max(high, float(seen[..., 1].max()) + 2 * f.head_radius)
+        view = (f.points[:, f.drawn] - _middles(f)[:, None]) @ view_axes(f.left).T
+        wide = max(wide, 2 * float(np.percentile(np.abs(view[..., 0]), 98)))
+        high = max(high, float(view[..., 1].max()) + 2 * f.head_radius)
     size = max(f.size for f in rows)
     return max(1.05 * wide, 0.42 * size), max(1.18 * high, 0.3 * size)
 
@@ -167,31 +167,31 @@ def still(
 
     It is what `Player` leaves on a page that runs nothing. A motion that ended before holds its last pose.
     """
-    made = figures(motions, roles=roles, layout=layout)
+    shown = figures(motions, roles=roles, layout=layout)
     texts = label_texts(motions, labels, roles)
-    time = frame / made[0].fps
-    axes = view_axes(made[0].left, TURN if len(made) == 1 else 0.36)
-    poses = [f.at(time) for f in made]
+    time = frame / shown[0].fps
+    axes = view_axes(shown[0].left, TURN if len(shown) == 1 else 0.36)
+    poses = [f.at(time) for f in shown]
     ax, picture = _axes(ax, (7.6, 3.8))
-    everywhere = np.concatenate([p[list(f.drawn)] for p, f in zip(poses, made)])
-    size = max(f.size for f in made)
+    everywhere = np.concatenate([p[list(f.drawn)] for p, f in zip(poses, shown)])
+    size = max(f.size for f in shown)
     middle = (everywhere.max(axis=0) + everywhere.min(axis=0)) / 2 * np.float32([1, 0, 1])
     spread = float(np.ptp(everywhere @ axes[0])) + 3.2 * size
     draw_floor(ax, axes, middle, spread * 0.75, 0.5 if size > 0.5 else size / 3)
-    order = sorted(range(len(made)), key=lambda n: float((poses[n] @ axes[2]).mean()))
+    order = sorted(range(len(shown)), key=lambda n: float((poses[n] @ axes[2]).mean()))
     for rank, n in enumerate(order):
-        draw_figure(ax, made[n], poses[n], axes, zorder=2 + rank)
+        draw_figure(ax, shown[n], poses[n], axes, zorder=2 + rank)
         if texts[n]:
-            seen = poses[n][list(made[n].drawn)] @ axes.T
-            place = seen[:, 0].mean(), seen[:, 1].max() + 0.2 * size
+            view = poses[n][list(shown[n].drawn)] @ axes.T
+            place = view[:, 0].mean(), view[:, 1].max() + 0.2 * size
             ax.text(*place, texts[n], ha="center", fontsize=9, color=INK, zorder=20)
     _frame_still(ax, everywhere @ axes.T, size)
     return picture
 
 
-def _frame_still(ax: object, seen: np.ndarray, size: float) -> None:
+def _frame_still(ax: object, points: np.ndarray, size: float) -> None:
     """Fits the view around what is seen, [N, 3], and fills the picture's whole shape with it."""
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    low, high = points.min(axis=0), points.max(axis=0)
     box = ax.get_window_extent()
     ratio = box.width / max(box.height, 1)
     tall = max(high[1] - low[1] + 0.42 * size, (high[0] - low[0] + 0.8 * size) / ratio)
