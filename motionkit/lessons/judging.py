@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import cycle
 
 import ipywidgets
 import numpy as np
@@ -260,7 +261,7 @@ def _panel(ax: object, column: str, cells: dict[str, Cell]) -> None:
     about, real = COLUMNS[column], cells.pop(REAL, Cell(math.nan)).value
     if real == real:
         ax.axvline(real, color=SOFT, lw=1.2, ls=(0, (4, 3)), zorder=1)
-    for y, (cell, colour) in enumerate(zip(cells.values(), _cycle())):
+    for y, (cell, colour) in enumerate(zip(cells.values(), cycle(colours.CYCLE))):
         _draw(ax, y, cell, colour)
     ax.set_title(f"{about.title} {ARROWS[about.better]}", fontsize=9.5, loc="left", color=INK)
     ax.set_yticks(range(len(cells)), list(cells))
@@ -270,10 +271,6 @@ def _panel(ax: object, column: str, cells: dict[str, Cell]) -> None:
     ax.grid(visible=False, axis="y")
     ax.tick_params(labelsize=8, length=0)
     ax.set_xlabel(_GOOD[about.better], fontsize=7.5, color=SOFT)
-
-
-def _cycle() -> list[str]:
-    return list(colours.CYCLE) * 20
 
 
 def _draw(ax: object, y: int, cell: Cell, colour: str) -> None:
@@ -472,6 +469,8 @@ def _traces(drawn: _Drawn) -> list[dict]:
 def _layout(drawn: _Drawn, size: tuple[int, int], *, below: bool = False) -> dict:
     """How plotly shows a map; `below` puts the legend under it, else it stands at the right."""
     hidden = {"visible": False}
+    caption = {"text": drawn.caption, "showarrow": False, "font": {"color": SOFT, "size": 11}}
+    caption |= {"x": 0, "y": 1, "xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
     low, high = drawn.points.min(0), drawn.points.max(0)
     room = 0.04 * np.maximum(high - low, 1e-6)
     ranges = [[round(float(v), 3) for v in pair] for pair in zip(low - room, high + room)]
@@ -491,13 +490,8 @@ def _layout(drawn: _Drawn, size: tuple[int, int], *, below: bool = False) -> dic
         "hovermode": "closest",
         "legend": legend,
         "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": SOFT, "activecolor": colours.CONTACT, "remove": list(_TOOLS)},
-        "annotations": [_caption(drawn.caption)] if drawn.caption else [],
+        "annotations": [caption] if drawn.caption else [],
     }
-
-
-def _caption(text: str) -> dict:
-    place = {"x": 0, "y": 1, "xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
-    return {"text": text, **place, "showarrow": False, "font": {"color": SOFT, "size": 11}}
 
 
 def draw_map(drawn: _Drawn) -> StaticFigure:

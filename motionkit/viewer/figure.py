@@ -244,9 +244,8 @@ def view_axes(left: np.ndarray, turn: float = TURN, rise: float = RISE) -> np.nd
     back = np.cos(turn) * front + np.sin(turn) * left
     right = np.cos(turn) * left - np.sin(turn) * front
     up = np.array([0.0, 1.0, 0.0])
-    return np.stack([right, np.cos(rise) * up - np.sin(rise) * back, np.cos(rise) * back + np.sin(rise) * up]).astype(
-        np.float32
-    )
+    rows = [right, np.cos(rise) * up - np.sin(rise) * back, np.cos(rise) * back + np.sin(rise) * up]
+    return np.stack(rows).astype(np.float32)
 
 
 def cone_outline(a: np.ndarray, b: np.ndarray, ra: float, rb: float) -> np.ndarray:
@@ -324,9 +323,7 @@ def draw_floor(ax: object, axes: np.ndarray, middle: np.ndarray, reach: float, t
     for i in range(-count, count + 1):
         for k in range(-count, count + 1):
             x, z = (x0 + i) * tile, (z0 + k) * tile
-            corners = np.array(
-                [[x, 0, z], [x + tile, 0, z], [x + tile, 0, z + tile], [x, 0, z + tile]], dtype=np.float32
-            )
+            corners = np.float32([[x, 0, z], [x + tile, 0, z], [x + tile, 0, z + tile], [x, 0, z + tile]])
             far = np.hypot(x + tile / 2 - middle[0], z + tile / 2 - middle[2]) / reach
             if far < 1:
                 tone = "#dfe4eb" if (x0 + i + z0 + k) % 2 else "#eef1f5"

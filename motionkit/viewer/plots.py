@@ -22,7 +22,7 @@ from .figure import (
     left_mask,
     per_motion,
     view_axes,
-)  # fmt: skip
+)
 
 INK, SOFT = "#39424e", "#7a8491"
 
@@ -122,22 +122,12 @@ def _middles(figure: Figure) -> np.ndarray:
 
 
 def _strip_row(ax: object, figure: Figure, times: np.ndarray, step: float, base: float) -> None:
-    ax.plot(
-        [-0.5 * step, (len(times) - 0.5) * step],
-        [base, base],
-        color="#c5ccd5",
-        lw=0.8,
-        zorder=0,
-        solid_capstyle="round",
-    )
-    for n, time in enumerate(times):
-        if time > figure.end + 1e-6:
-            continue
+    ground = [-0.5 * step, (len(times) - 0.5) * step]
+    ax.plot(ground, [base, base], color="#c5ccd5", lw=0.8, zorder=0, solid_capstyle="round")
+    for n, time in enumerate(times[times <= figure.end + 1e-6]):
         pose = figure.at(time)
         middle = pose[list(figure.drawn)].mean(axis=0) * np.float32([1, 0, 1])
-        axes = view_axes(figure.left)
-        lifted = pose - middle
-        draw_figure(_Lifted(ax, base), figure, lifted, axes, n * step, zorder=2 + 0.01 * n)
+        draw_figure(_Lifted(ax, base), figure, pose - middle, view_axes(figure.left), n * step, zorder=2 + 0.01 * n)
 
 
 class _Lifted:
