@@ -155,6 +155,8 @@ class Mine:
         pass
 
 
+ENDLESS = []
+ENDLESS.append(ENDLESS)
 NO_ANSWER = {
     "a string": ("slerp", "found a str"),
     "nothing": (None, "found a NoneType"),
@@ -164,7 +166,9 @@ NO_ANSWER = {
     "a dictionary back": (lambda *_: {"a": 1}, "found a dict"),
     "a set of pieces": (lambda *_: [torch.zeros(2), torch.zeros(3)], "found a list"),
     "a motion back": (lambda *_: mk.load(ROOT / "data/actor/walk_old.bvh"), "found a Motion"),
-    "a tensor without numbers": (lambda a, *_: a.to("meta"), "without numbers"),
+    "a tensor without numbers": (lambda a, *_: a.to("meta"), "found a Tensor that cannot be read"),
+    "a list in itself": (lambda *_: ENDLESS, "found a list"),
+    "a generator": (lambda *_: (n for n in range(3)), "found a generator"),
     "complex numbers": (lambda a, b, t: a + 0j, "complex"),
     "not finite": (lambda a, b, t: a / 0, "not finite"),
     "nothing in it": (lambda a, b, t: a[:0], "the shape is [0, 4]"),

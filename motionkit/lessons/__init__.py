@@ -174,9 +174,9 @@ def _answer(function: Callable, case: tuple) -> _Answer:
     try:
         values = torch.as_tensor(result)
         plain = values.detach().cpu().to_dense()
-        plain.to(torch.complex128)
+        plain.reshape(-1).to(torch.complex128)
     except Exception:
-        raise _Wrong(f"return a tensor or a number; found a {type(result).__name__} without numbers.") from None
+        raise _Wrong(f"return a tensor or a number; found a {type(result).__name__} that cannot be read.") from None
     inputs = [x for x in case if isinstance(x, Tensor) and x.requires_grad and x.is_leaf]
     gradients = None
     if inputs and values.requires_grad:
