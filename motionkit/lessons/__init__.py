@@ -1,7 +1,6 @@
-"""Checks for the notebooks' exercises: `mk.exercises.check("name", mine)` says in words what is wrong.
+"""The notebooks' exercises: `mk.exercises.check("slerp", my_slerp)` says in words what is wrong, and gives a hint.
 
-Each exercise has a reference, which is the kit's own function, and a few cases. A stub that returns None or
-`NotImplemented` is taken as "not tried yet", so that a notebook runs as shipped.
+An exercise stands in the lesson file of its notebook, beside that notebook's pictures: `lessons/layouts.py` for 02.
 """
 
 from __future__ import annotations
@@ -12,253 +11,55 @@ import importlib.util
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from .. import rotations as rot
-from ..contacts import foot_sliding
-from ..dtw import dtw_costs
 from ..errors import MotionKitError
-from ..features import HumanML3D
-from ..methods.baselines import match_statistics
 from ..motion import Motion
-from ..skeleton import smpl
-from ..text import similarity
-from . import diffusion, few_shot, style_erd
+
+_LESSONS = {  # a lesson file is imported when one of its exercises is named
+    "representation": ("sixd_to_matrix", "slerp", "swing_angle"),
+    "layouts": ("foot_sliding", "match_statistics", "published_path"),
+    "data": ("balanced_chances", "masked_mean", "take_split"),
+    "judging": ("fair_accuracy", "frechet_by_number", "warp_cost"),
+    "diffusion": ("key_frames", "sampler_steps", "x0_from_velocity"),
+    "text": ("contrastive_loss", "masked_attention", "recall_at"),
+    "few_shot": ("blend", "low_rank"),
+    "style_erd": ("residual_mix", "slope_penalty"),
+}
+_FACTORS = {0.5: "half", 2.0: "twice", -1.0: "minus", 180 / math.pi: "57.3 times (degrees?)", 0.001: "a thousandth of"}
 
 
 @dataclass(frozen=True)
 class Exercise:
-    """reference: the right function. cases: argument tuples. hint: what to look at when the numbers differ."""
+    """One exercise.
+
+    reference: the right function. cases: called anew for every answer; gives what is special about a case -> arguments.
+    Where an argument asks for gradients (`requires_grad`), those of the answer are compared, too. hints: from a gentle
+    one to all but the answer. mistakes: what to tell somebody -> the typical wrong answer that this helps with.
+    """
 
     reference: Callable
-    cases: Callable[[], list[tuple]]
-    hint: str
+    cases: Callable[[], dict[str, tuple]]
+    hints: tuple[str, ...]
+    mistakes: dict[str, Callable]
 
 
-def _random(*shape: int, seed: int = 0) -> Tensor:
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
+class _Answer(NamedTuple):
+    """What a function gave: its values, and the gradients that flow back from them; None where none do."""
+
+    values: Tensor
+    gradients: tuple[Tensor, ...] | None
 
 
-def _walkers() -> list[tuple]:
-    """Motions and contacts: one stands, one slides 1 cm a frame, one flails on random feet, one never stands."""
-    turns = rot.identity_quaternion(20, 22)
-    still = torch.tensor([0.0, 0.96, 0.0]).expand(20, 3)
-    slide = still + torch.arange(20)[:, None] * torch.tensor([0.0, 0.0, 0.01])
-    every = torch.ones(20, 4, dtype=torch.bool)
-    flailing = Motion.from_root(smpl(), rot.exp_map(0.2 * _random(20, 22, 3)), still + 0.1 * _random(20, 3), 30.0)
-    known = [(Motion.from_root(smpl(), turns, root, 30.0), every) for root in (still, slide)]
-    return [*known, (flailing, _random(20, 4) > 0), (flailing, ~every)]
+class _NotTried(Exception):
+    """Nothing is written yet."""
 
 
-def _turns() -> list[tuple]:
-    """Pairs of rotations with a share of the way: random ones, equal ones, and one written with both signs."""
-    pairs = [(rot.normalize(_random(5, 4)), rot.normalize(_random(5, 4, seed=1)), t) for t in (0.0, 0.3, 1.0)]
-    same = rot.normalize(_random(3, 4))
-    return [*pairs, (same, same, 0.5), (same, -same, 0.5)]
-
-
-def _still_column() -> Tensor:
-    """Features of which one hardly changes and one never does."""
-    return _random(30, 5) * torch.tensor([1.0, 1.0, 1.0, 0.01, 0.0])
-
-
-def _published_path(features: Tensor) -> Tensor:
-    """Where the root stands on the ground, [F, 2], from HumanML3D features [F, 3 or more]."""
-    return HumanML3D().path(features)[1]
-
-
-def _takes() -> list[tuple]:
-    """Takes of clips: one clip each, then several clips of a take that stand apart, then one take only."""
-    shuffled = ["e", "b", "a", "e", "c", "b", "d", "a", "f", "e"]
-    return [([f"take {n}" for n in range(12)],), (shuffled,), (["only"] * 4,)]
-
-
-def _take_split(takes: list[str]) -> Tensor:
-    """Which clips are for the test, bool [N]: all those of every fifth take, in alphabetical order."""
-    chosen = set(sorted(set(takes))[::5])
-    return torch.tensor([take in chosen for take in takes])
-
-
-def _padded() -> list[tuple]:
-    """Features and masks [B, F]: nothing padded, clips of several lengths, and what stands in the padding is large."""
-    features, lengths = _random(4, 10, 3), torch.tensor([10, 7, 3, 1])
-    mask = torch.arange(10) < lengths[:, None]
-    return [
-        (features, torch.ones(4, 10, dtype=torch.bool)),
-        (features, mask),
-        (features + 1e3 * ~mask[..., None], mask),
-    ]
-
-
-def _masked_mean(features: Tensor, mask: Tensor) -> Tensor:
-    """The mean over each clip's own frames, [B, D], of features [B, F, D] with a mask [B, F]."""
-    return (features * mask[..., None]).sum(1) / mask.sum(1, keepdim=True)
-
-
-def _balanced_chances(labels: Tensor) -> Tensor:
-    """For each sample the chance to be drawn, [N], such that every label that occurs is drawn equally often."""
-    _, group, count = torch.unique(labels, return_inverse=True, return_counts=True)
-    return 1 / (count[group] * len(count))
-
-
-def _narrow() -> list[tuple]:
-    """Features [N, D], [M, D] of two crowds: two clouds, one against itself, and one that is only wider."""
-    a, b = _random(60, 4), 2 * _random(50, 4, seed=1) + torch.tensor([1.0, 0.0, -1.0, 0.0])
-    return [(a, b), (a, a), (a - a.mean(0), 3 * (a - a.mean(0)))]
-
-
-def _frechet_by_number(a: Tensor, b: Tensor) -> Tensor:
-    """The Fréchet distance of two crowds whose numbers are taken one by one, as if none went with another."""
-    return ((a.mean(0) - b.mean(0)) ** 2 + (a.std(0) - b.std(0)) ** 2).sum()
-
-
-def _judged() -> list[tuple]:
-    """Found and true labels: as many of each, one class far larger, and a class that is never right."""
-    wanted = torch.tensor([0] * 8 + [1] * 2)
-    return [
-        (torch.tensor([0, 1, 1, 0]), torch.tensor([0, 0, 1, 1])),
-        (torch.zeros(10).long(), wanted),
-        (torch.tensor([4, 4, 7, 7, 4]), torch.tensor([4, 4, 7, 4, 9])),
-    ]
-
-
-def _fair_accuracy(found: Tensor, wanted: Tensor) -> Tensor:
-    """The mean over the classes that occur of the share of each that was found, 0 to 1."""
-    return torch.stack([(found[wanted == c] == c).double().mean() for c in wanted.unique()]).mean()
-
-
-def _costs() -> list[tuple]:
-    """Costs [F, G]: one way for free, and random ones, square and not."""
-    return [(1 - torch.eye(5),), (_random(6, 6).abs(),), (_random(4, 9, seed=1).abs(),)]
-
-
-def _warp_cost(costs: Tensor) -> Tensor:
-    """What the cheapest path costs, from the first pair of frames to the last."""
-    return dtw_costs(costs[None])[0]
-
-
-def _listening() -> list[tuple]:
-    """Queries, keys, values [N, D] and which tokens are there: all, some, and hidden ones that are large."""
-    q, k, v = (_random(6, 4, seed=n) for n in range(3))
-    there = torch.arange(6) < 4
-    return [(q, k, v, there | True), (q, k, v, there), (q, k + 30 * ~there[:, None], v + 1e3 * ~there[:, None], there)]
-
-
-def _masked_attention(q: Tensor, k: Tensor, v: Tensor, there: Tensor) -> Tensor:
-    """What each token hears, [N, D], from the tokens that are there."""
-    return torch.nn.functional.scaled_dot_product_attention(q, k, v, there.expand(len(q), -1))
-
-
-def _recall_at(near: Tensor, k: int) -> Tensor:
-    """In which share of the rows of a similarity [N, N] the own column is among the k largest, 0 to 1."""
-    return ((near > near.diagonal()[:, None]).sum(1) < k).double().mean()
-
-
-def _contrastive_loss(motions: Tensor, texts: Tensor, temperature: float) -> Tensor:
-    """Cross-entropy of telling each motion's own sentence from the others of the batch."""
-    return torch.nn.functional.cross_entropy(similarity(motions, texts) / temperature, torch.arange(len(motions)))
-
-
-_EXERCISES = {
-    "swing_angle": Exercise(
-        rot.quaternion_angle,
-        lambda: [
-            (rot.normalize(_random(5, 4)), rot.normalize(_random(5, 4, seed=1))),
-            (torch.eye(4)[:1], -torch.eye(4)[:1]),
-        ],
-        "q and -q are the same rotation, so the angle between them is 0: use the absolute value of w",
-    ),
-    "sixd_to_matrix": Exercise(
-        rot.sixd_to_matrix,
-        lambda: [(_random(7, 6),), (torch.tensor([[2.0, 0, 0, 1, 1, 0]]),)],
-        "scale the first column, take its part out of the second, scale that, and cross them; columns, not rows",
-    ),
-    "slerp": Exercise(
-        rot.slerp,
-        _turns,
-        "go the short way (flip one quaternion when their product is negative) and keep the result at length 1",
-    ),
-    "match_statistics": Exercise(
-        match_statistics,
-        lambda: [(_random(30, 5), 2 * _random(40, 5, seed=1) + 3), (_still_column(), _random(40, 5, seed=1))],
-        "take mean and spread over frames (dimension 0), with the population's spread (correction=0); let no spread "
-        "grow to more than three times what it was",
-    ),
-    "published_path": Exercise(
-        _published_path,
-        lambda: [(torch.tensor([[0.0, 0, 1], [0, 0, 1], [0, 0, 1]]),), (0.1 * _random(30, 4),)],
-        "the first number is half the turn, and to the right; the step of frame t is seen from where the body faces in "
-        "frame t + 1; the path starts at 0, 0",
-    ),
-    "foot_sliding": Exercise(
-        foot_sliding,
-        _walkers,
-        "the mean over pairs of neighbouring frames in which the same joint stands in both; x and z only, in "
-        "millimetres; 0 where nothing stands",
-    ),
-    "take_split": Exercise(
-        _take_split,
-        _takes,
-        "deal out takes, not clips: every fifth of the different takes in alphabetical order, from the first on; "
-        "then a clip goes where its take goes",
-    ),
-    "masked_mean": Exercise(
-        _masked_mean,
-        _padded,
-        "padded frames must count neither in the sum nor in what you divide by",
-    ),
-    "balanced_chances": Exercise(
-        _balanced_chances,
-        lambda: [(torch.tensor([0, 0, 0, 1]),), (torch.tensor([2, 5, 5, 2, 2, 9]),), (torch.tensor([3]),)],
-        "every label that occurs gets the same share, and its samples divide that among them; all add up to 1, and "
-        "labels need not be 0, 1, 2",
-    ),
-    "frechet_by_number": Exercise(
-        _frechet_by_number,
-        _narrow,
-        "for each number the difference of the means, squared, plus the difference of the standard deviations (not of "
-        "the variances), squared; torch's std divides by N - 1; then the sum over all numbers",
-    ),
-    "fair_accuracy": Exercise(
-        _fair_accuracy,
-        _judged,
-        "first the share of each class that was found, then the mean over the classes that occur in `wanted`; each "
-        "class counts the same, however large it is; a share from 0 to 1",
-    ),
-    "warp_cost": Exercise(
-        _warp_cost,
-        _costs,
-        "best[i, j] = costs[i, j] + the least of best[i - 1, j], best[i, j - 1] and best[i - 1, j - 1]; the first row "
-        "and column have one way only",
-    ),
-    "masked_attention": Exercise(
-        _masked_attention,
-        _listening,
-        "scores are q @ k.T divided by the root of D; those of tokens that are not there become minus infinity before "
-        "the softmax, not zero after it",
-    ),
-    "recall_at": Exercise(
-        _recall_at,
-        lambda: [(torch.eye(5), 1), (_random(12, 12), 1), (_random(12, 12), 3), (_random(12, 12).T, 3)],
-        "row n is motion n, and its own sentence is column n; count how many in the row are nearer than that, and see "
-        "whether they are fewer than k; the answer is a share from 0 to 1",
-    ),
-    "contrastive_loss": Exercise(
-        _contrastive_loss,
-        lambda: [(torch.eye(4), torch.eye(4), 0.1), (_random(6, 8), 3 * _random(6, 8, seed=1), 0.5)],
-        "first vectors of length 1, then all products [N, N] divided by the temperature; row n is a question with N "
-        "answers, of which n is right: minus the logarithm of its share after softmax, and the mean of that",
-    ),
-}
-_EXERCISES |= {
-    name: Exercise(*parts) for module in (diffusion, few_shot, style_erd) for name, parts in module.EXERCISES.items()
-}
-
-
-# slips that are common enough to be told by name
-_FACTORS = {0.5: "half", 2.0: "twice", -1.0: "minus", 180 / math.pi: "57.3 times (degrees?)", 0.001: "a thousandth of"}
+class _Wrong(Exception):
+    """In words, what is wrong."""
 
 
 def names() -> list[str]:
@@ -267,11 +68,11 @@ def names() -> list[str]:
     >>> "slerp" in names()
     True
     """
-    return sorted(_EXERCISES)
+    return sorted(name for exercises in _LESSONS.values() for name in exercises)
 
 
 def reference(name: str) -> Callable:
-    """The function that `check` compares with: what a stub in a notebook falls back to.
+    """The function that `check` compares with, for cells that go on where an exercise may not be solved yet.
 
     >>> reference("take_split")(["b", "a", "b"])
     tensor([False,  True, False])
@@ -279,63 +80,161 @@ def reference(name: str) -> Callable:
     return _exercise(name).reference
 
 
-def check(name: str, mine: Callable) -> bool:
-    """Compare a function with the kit's on a few cases, print a sentence, and return whether it is right.
+def check(name: str, mine: Callable, *, hint: int | None = None) -> bool:
+    """Compare a function with the kit's on a few cases, print what is wrong and a hint, return whether it is right.
 
-    >>> check("slerp", lambda a, b, t: a)
-    slerp: not yet. In case 2 the largest difference is 0.384. Hint: go the short way (flip one quaternion when their \
-product is negative) and keep the result at length 1
+    mine: any right way will do: a tensor, a number or a list, on any device, of any precision. hint: which hint to
+    print; left out, the first as long as nothing is written, and the second after a wrong answer. Raises MotionKitError
+    only for an exercise that there is not.
+
+    >>> def my_slerp(a, b, t): ...
+    >>> check("slerp", my_slerp)
+    slerp: not tried yet, nothing is returned.
+    Hint 1 of 3: which of two arcs is the shorter one, and what if there is none? (hint=2 tells more)
     False
-    >>> check("slerp", rot.slerp)
+    >>> check("slerp", lambda a, b, t: (1 - t) * a + t * b)
+    slerp: not yet. In case 2 (3/10 of the way), the largest difference is 0.523.
+    A straight line cuts through the sphere: weigh a and b with sines.
+    Hint 2 of 3: flip b where its product with a is negative, and think of sin Ω = 0. (hint=3 tells more)
+    False
+    >>> check("slerp", reference("slerp"))
     slerp: right.
     True
     """
-    problem = _first_problem(_exercise(name), mine)
-    print(f"{name}: {problem or 'right.'}")
-    return problem is None
+    exercise = _exercise(name)
+    try:
+        _compare(exercise, mine)
+    except _NotTried as state:
+        print(f"{name}: {state}\n{_hint(exercise, hint or 1)}")
+        return False
+    except _Wrong as problem:
+        print(f"{name}: not yet. {problem}\n{_hint(exercise, hint or 2)}")
+        return False
+    print(f"{name}: right.")
+    return True
+
+
+def seeded_randn(*shape: int, seed: int = 0) -> Tensor:
+    """`torch.randn` that gives the same numbers at every call: for cases."""
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
 
 
 def _exercise(name: str) -> Exercise:
-    if name not in _EXERCISES:
-        near = difflib.get_close_matches(name, _EXERCISES, 1, 0.3)
-        raise MotionKitError(
-            f"no exercise {name!r}; {'did you mean ' + repr(near[0]) + '? ' if near else ''}all: {', '.join(names())}"
-        )
-    return _EXERCISES[name]
+    for lesson, exercises in _LESSONS.items():
+        if name in exercises:
+            return importlib.import_module(f".{lesson}", __name__).EXERCISES[name]
+    near = difflib.get_close_matches(str(name), names(), 1, 0.3)
+    did_you_mean = f"did you mean {near[0]!r}? " if near else ""
+    raise MotionKitError(f"no exercise {name!r}; {did_you_mean}all: {', '.join(names())}")
 
 
-def _first_problem(exercise: Exercise, mine: Callable) -> str | None:
-    for number, case in enumerate(exercise.cases(), 1):
-        wanted = torch.as_tensor(exercise.reference(*case))
+def _hint(exercise: Exercise, stage: int) -> str:
+    stage, last = min(max(stage, 1), len(exercise.hints)), len(exercise.hints)
+    more = f" (hint={stage + 1} tells more)" if stage < last else ""
+    return f"Hint {stage} of {last}: {exercise.hints[stage - 1]}{more}"
+
+
+def _compare(exercise: Exercise, mine: Callable) -> None:
+    """Raise `_NotTried` or `_Wrong` unless a function gives the reference's answers."""
+    if not callable(mine):
+        raise _Wrong(f"Give the function itself, as in check(name, my_function); found a {type(mine).__name__}.")
+    answers = []
+    for number, words in enumerate(exercise.cases()):
+        case, wanted = exercise.cases()[words], _answer(exercise.reference, exercise.cases()[words])
+        where = f"In case {number + 1} ({words}), "
         try:
-            got = mine(*case)
-        except Exception as error:
-            return f"not yet. Case {number} stops with {type(error).__name__}: {error}"
-        if got is None or got is NotImplemented:
-            return "not tried yet: write the function, then run this cell again."
-        if isinstance(got, tuple):
-            return f"not yet. Return one tensor or number, not a tuple of {len(got)}."
-        problem = _difference(torch.as_tensor(got), wanted)
-        if problem:
-            return f"not yet. In case {number} {problem}" + (f" Hint: {exercise.hint}" if "largest" in problem else "")
+            answers.append(_answer(mine, case))
+        except _NotTried:
+            if number:
+                raise _Wrong(f"{where}nothing is returned: is there a way through without `return`?") from None
+            raise
+        except _Wrong as problem:
+            raise _Wrong(f"{where}{problem}") from None
+        except (Exception, SystemExit) as error:
+            raise _Wrong(f"{where}it stops with {type(error).__name__}: {error}") from None
+        if not _unchanged(case, exercise.cases()[words]):
+            raise _Wrong(f"{where}it changes what it was given, which others still need: work on a copy.")
+        difference = _difference(answers[-1], wanted)
+        if difference:
+            raise _Wrong(f"{where}{difference}{_sentence(exercise, answers)}")
+
+
+def _answer(function: Callable, case: tuple) -> _Answer:
+    """Call a function; raises `_NotTried` and `_Wrong`, and whatever the function raises."""
+    try:
+        result = function(*case)
+    except NotImplementedError as error:
+        if error.args:  # torch says so, too, of types that it has no code for
+            raise
+        result = None
+    if result is None or result is NotImplemented or result is ...:
+        raise _NotTried("not tried yet, nothing is returned.")
+    if isinstance(result, tuple):
+        raise _Wrong(f"return one tensor or number, not a tuple of {len(result)}.")
+    try:
+        values = torch.as_tensor(result)
+        plain = values.detach().cpu().to_dense()
+        plain.reshape(-1).to(torch.complex128)
+    except Exception:
+        raise _Wrong(f"return a tensor or a number; found a {type(result).__name__} that cannot be read.") from None
+    inputs = [x for x in case if isinstance(x, Tensor) and x.requires_grad and x.is_leaf]
+    gradients = None
+    if inputs and values.requires_grad:
+        gradients = torch.autograd.grad(values.sum(), inputs, allow_unused=True, materialize_grads=True)
+    return _Answer(plain, gradients)
+
+
+def _difference(answer: _Answer, wanted: _Answer) -> str | None:
+    """In words, what is wrong with an answer; None where nothing is."""
+    values, right = answer.values, wanted.values
+    if values.shape != right.shape:
+        return f"the shape is {list(values.shape)}; expected {list(right.shape)}."
+    if values.is_complex() or (right.dtype == torch.bool and values.dtype != torch.bool):
+        return f"the numbers are of type {values.dtype}; expected {right.dtype}."
+    gap = _gap(values, right)
+    if gap is None:
+        return _gradient_difference(answer.gradients, wanted.gradients)
+    if not torch.isfinite(values).all():
+        return "some numbers are not finite: where do you divide by 0, or take the root of less than 0?"
+    for factor, text in _FACTORS.items():
+        if _gap(values / factor, right) is None:
+            return f"your numbers are {text} the right ones."
+    return f"the largest difference is {gap:.3g}."
+
+
+def _gap(values: Tensor, right: Tensor) -> float | None:
+    """The largest difference, or None where it is but rounding; NaN is like NaN, to tell one mistake from another."""
+    values, right = values.double(), right.double()
+    near = 1e-4 * max(1.0, float(right.abs().nan_to_num().max()))
+    return None if torch.allclose(values, right, 0, near, equal_nan=True) else float((values - right).abs().max())
+
+
+def _gradient_difference(gradients: tuple[Tensor, ...] | None, right: tuple[Tensor, ...] | None) -> str | None:
+    if gradients is None or right is None:
+        cut_off = "the numbers are right, but no gradient flows back through them: nobody could learn from this."
+        return None if gradients is right else cut_off
+    if any(_gap(*pair) is not None for pair in zip(gradients, right)):
+        return "the numbers are right, but not the gradients that flow back through them."
     return None
 
 
-def _difference(got: Tensor, wanted: Tensor) -> str | None:
-    """In words, what is wrong with an answer; None where nothing is."""
-    if got.shape != wanted.shape:
-        return f"the shape is {list(got.shape)}; expected {list(wanted.shape)}."
-    got, wanted = got.detach().double(), wanted.detach().double()
-    if not torch.isfinite(got).all():
-        return "some numbers are not finite: where do you divide by 0, or take the root of less than 0?"
-    near = 1e-4 * max(1.0, float(wanted.abs().max()))
-    gap = float((got - wanted).abs().max())
-    if gap <= near:
-        return None
-    for factor, text in _FACTORS.items():
-        if float((got - factor * wanted).abs().max()) <= near * abs(factor):
-            return f"your numbers are {text} the right ones."
-    return f"the largest difference is {gap:.3g}."
+def _sentence(exercise: Exercise, answers: list[_Answer]) -> str:
+    """What helps with the typical mistake that gives the same answers, on a line of its own; nothing if none does."""
+    for sentence, mistake in exercise.mistakes.items():
+        cases = exercise.cases().values()
+        if all(_difference(answer, _answer(mistake, case)) is None for answer, case in zip(answers, cases)):
+            return f"\n{sentence}"
+    return ""
+
+
+def _unchanged(case: object, before: object) -> bool:
+    if isinstance(case, Tensor):
+        return torch.equal(case, before)
+    if isinstance(case, Motion):
+        return _unchanged((case.rotations, case.translations), (before.rotations, before.translations))
+    if isinstance(case, list | tuple):
+        return len(case) == len(before) and all(map(_unchanged, case, before))
+    return case == before
 
 
 def __getattr__(name: str):

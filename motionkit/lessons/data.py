@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -20,7 +19,8 @@ from ..motion import Motion
 from ..viewer import colours
 from ..viewer.figure import StillWidget, draw_figure, figures, view_axes
 from ..viewer.player import Player
-from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, still, style_axes
+from ..viewer.plots import INK, SOFT, StaticFigure, still, style_axes
+from . import Exercise, seeded_randn
 
 STYLE_GROUPS = {  # the numbers that tell most at a glance
     "timing": ("tempo", "pauses", "asymmetry"),
@@ -102,8 +102,8 @@ def cycle_mean(values: Tensor, phase: Tensor, bins: int = 25) -> Tensor:
     tensor([2., 5.])
     """
     part = (phase * bins).long().clamp(max=bins - 1)
-    found = values.new_zeros(bins).index_add(0, part, values)
-    return found / torch.bincount(part, minlength=bins)
+    sums = values.new_zeros(bins).index_add(0, part, values)
+    return sums / torch.bincount(part, minlength=bins)
 
 
 def plot_phase(performances: Mapping[str, Performance], bins: int = 25) -> StaticFigure:
@@ -143,12 +143,12 @@ def plot_joint_errors(pose: Motion, errors: Mapping[str, Tensor]) -> StaticFigur
     figure = figures([pose.at_origin()], layout="overlay")[0]
     pale = replace(figure, colours=("#cfd6df",) * len(figure.colours))
     view = view_axes(figure.left)
-    seen, size = figure.points[0] @ view.T, figure.size
+    joints, size = figure.points[0] @ view.T, figure.size
     for ax, (name, values) in zip(picture.subplots(1, len(errors), squeeze=False)[0], errors.items()):
-        if len(values) != len(seen):
-            raise MotionKitError(f"plot_joint_errors: {name!r} has {len(values)} errors, the pose {len(seen)} joints")
+        if len(values) != len(joints):
+            raise MotionKitError(f"plot_joint_errors: {name!r} has {len(values)} errors, the pose {len(joints)} joints")
         draw_figure(ax, pale, figure.points[0], view)
-        for place, value in zip(seen, values.tolist()):
+        for place, value in zip(joints, values.tolist()):
             ax.add_patch(_disc(place, value / 1000))
         ax.set_title(f"{name}: {float(values.mean()):.0f} mm", fontsize=10, color=INK)
         ax.set(xlim=(-0.55 * size, 0.55 * size), ylim=(-0.12 * size, 1.15 * size), aspect="equal")
@@ -251,12 +251,11 @@ class StyleMixer(StillWidget, ipywidgets.VBox):
 
     def still(self) -> bytes:
         """The performer beside the numbers of the style, as the bytes of a PNG."""
-        picture, raw = StaticFigure(figsize=(8.4, 3.8), dpi=100), io.BytesIO()
+        picture = StaticFigure(figsize=(8.4, 3.8), dpi=100)
         frame = self.player.frame or len(self.performance) // 3
         still(self.performance.motion, frame, ax=picture.add_axes((0, 0, 0.46, 1)))
         plot_styles([self.style], ax=picture.add_axes((0.6, 0.08, 0.38, 0.9)))
-        picture.savefig(raw, format="png", facecolor="white")
-        return few_colours(raw)
+        return picture.png()
 
 
 def style_mixer(content: str = "walk", style: str = "neutral", seed: int = 1, seconds: float = 6.0) -> StyleMixer:
@@ -282,15 +281,13 @@ def style_mixer(content: str = "walk", style: str = "neutral", seed: int = 1, se
 
 def _controls(style: Style) -> dict[str, ipywidgets.Widget]:
     """A dropdown for named styles, the intensity, and a slider for each number."""
-    found: dict[str, ipywidgets.Widget] = {
+    names, wide = (*TRAIN_STYLES, *HELD_OUT_STYLES), {"layout": {"width": "290px"}}
+    controls: dict[str, ipywidgets.Widget] = {
         "style": ipywidgets.Dropdown(
-            options=(*TRAIN_STYLES, *HELD_OUT_STYLES),
-            value=style.name,
-            description="begin with",
-            layout={"width": "230px"},
+            options=names, value=style.name, description="begin with", layout={"width": "230px"}
         ),
         "intensity": ipywidgets.FloatSlider(
-            value=1.0, min=_WEAKEST, max=_STRONGEST, step=0.05, description="intensity", layout={"width": "290px"}
+            value=1.0, min=_WEAKEST, max=_STRONGEST, step=0.05, description="intensity", **wide
         ),
     }
     known = parameters()
@@ -298,13 +295,105 @@ def _controls(style: Style) -> dict[str, ipywidgets.Widget]:
         for name in group:
             about = known[name]
             step = float(np.power(10.0, np.floor(np.log10((about.high - about.low) / 60))))
-            found[name] = ipywidgets.FloatSlider(
-                value=getattr(style, name),
-                min=about.low,
-                max=about.high,
-                step=step,
-                description=name.replace("_", " "),
-                tooltip=f"{about.about} ({about.unit})",
-                layout={"width": "290px"},
-            )
-    return found
+            text = {"description": name.replace("_", " "), "tooltip": f"{about.about} ({about.unit})"}
+            span = {"min": about.low, "max": about.high, "step": step}
+            controls[name] = ipywidgets.FloatSlider(value=getattr(style, name), **span, **text, **wide)
+    return controls
+
+
+def _takes() -> dict[str, tuple]:
+    shuffled = ["e", "b", "a", "e", "c", "b", "d", "a", "f", "e"]
+    return {
+        "several clips of a take, apart": (shuffled,),
+        "a clip of each take": ([f"take {n}" for n in range(12)],),
+        "one take only": (["only"] * 4,),
+    }
+
+
+def _take_split(takes: list[str]) -> Tensor:
+    """Which clips are for the test, bool [N]: all those of every fifth take, in alphabetical order."""
+    return _among(takes, sorted(set(takes))[::5])
+
+
+def _among(takes: list[str], chosen: list[str]) -> Tensor:
+    return torch.tensor([take in chosen for take in takes])
+
+
+def _padded() -> dict[str, tuple]:
+    """Features [B, F, D] and masks [B, F]."""
+    features, mask = seeded_randn(4, 10, 3), torch.arange(10) < torch.tensor([10, 7, 3, 1])[:, None]
+    return {
+        "nothing padded": (features, torch.ones(4, 10, dtype=torch.bool)),
+        "clips of several lengths": (features, mask),
+        "large numbers in the padding": (features + 1e3 * ~mask[..., None], mask),
+    }
+
+
+def _masked_mean(features: Tensor, mask: Tensor) -> Tensor:
+    """The mean over each clip's own frames, [B, D], of features [B, F, D] with a mask [B, F]."""
+    return (features * mask[..., None]).sum(1) / mask.sum(1, keepdim=True)
+
+
+def _balanced_chances(labels: Tensor) -> Tensor:
+    """For each sample the chance to be drawn, [N], such that every label that occurs is drawn equally often."""
+    return 1 / (_group_sizes(labels) * len(labels.unique()))
+
+
+def _group_sizes(labels: Tensor) -> Tensor:
+    """For each sample how many have its label, [N]."""
+    return torch.bincount(labels)[labels]
+
+
+EXERCISES = {
+    "balanced_chances": Exercise(
+        _balanced_chances,
+        cases=lambda: {
+            "three of one, one of another": (torch.tensor([0, 0, 0, 1]),),
+            "labels with gaps": (torch.tensor([2, 5, 5, 2, 2, 9]),),
+            "one sample": (torch.tensor([3]),),
+        },
+        hints=(
+            "two labels, three samples of one and one of the other: what must the four chances be?",
+            "every label that occurs gets the same share, and its samples divide that among them; all add up to 1, and "
+            "labels need not be 0, 1, 2.",
+            "torch.unique(labels, return_inverse=True, return_counts=True) tells how large each sample's group is.",
+        ),
+        mistakes={
+            "With equal chances for all samples, frequent labels are drawn most.": lambda x: torch.full(
+                x.shape, 1 / len(x)
+            ),
+            "All chances must add up to 1: divide by how many labels occur.": lambda x: 1 / _group_sizes(x),
+            "Labels that do not occur get no share.": lambda x: 1 / (_group_sizes(x) * len(torch.bincount(x))),
+            "One over the size of the group, not the size.": lambda x: _group_sizes(x) / _group_sizes(x).sum(),
+        },
+    ),
+    "masked_mean": Exercise(
+        _masked_mean,
+        cases=_padded,
+        hints=(
+            "what is the mean of a clip of 3 frames that was padded to 10?",
+            "padded frames must count neither in the sum nor in what you divide by.",
+            "sum features where mask[..., None] is true, then divide by mask.sum(1)[:, None].",
+        ),
+        mistakes={
+            "The padding is in your mean: the mask was not used.": lambda x, mask: x.mean(1),
+            "Divide by the clip's own frames, not by all.": lambda x, mask: (x * mask[..., None]).mean(1),
+            "A mean for each clip, not one for all together.": lambda x, mask: x[mask].mean(0).expand(len(x), -1),
+        },
+    ),
+    "take_split": Exercise(
+        _take_split,
+        cases=_takes,
+        hints=(
+            "what may never be on both sides of a split?",
+            "deal out takes, not clips: every fifth of the different takes in alphabetical order, from the first on; "
+            "then a clip goes where its take goes.",
+            "sorted(set(takes))[::5] are the takes of the test; torch.tensor([...]) of True and False for the clips.",
+        ),
+        mistakes={
+            "That deals out clips, and tears takes apart.": lambda takes: torch.arange(len(takes)) % 5 == 0,
+            "In alphabetical order, not in the order of the list.": lambda x: _among(x, list(dict.fromkeys(x))[::5]),
+            "Count each take once: here large takes have a greater chance.": lambda x: _among(x, sorted(x)[::5]),
+        },
+    ),
+}

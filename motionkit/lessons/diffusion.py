@@ -1,9 +1,10 @@
-"""The exercises of notebook 05: for each its reference, its cases and its hint, as `lessons.Exercise` takes them."""
+"""Notebook 05: clouds on their way into noise and out, poses at several steps, quality over time; its exercises."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+import ipywidgets
 import numpy as np
 import torch
 from torch import Tensor
@@ -14,53 +15,8 @@ from ..sampling import timesteps
 from ..viewer import colours
 from ..viewer.figure import as_list
 from ..viewer.plots import INK, SOFT, StaticFigure, strip, style_axes
+from . import Exercise, seeded_randn
 from .representation import Explorer
-
-
-def _x0_from_velocity(x: Tensor, v: Tensor, bar_t: float) -> Tensor:
-    """The clean sample behind x, from the target between it and the noise (Salimans, Ho 2022, appendix D)."""
-    return bar_t**0.5 * x - (1 - bar_t) ** 0.5 * v
-
-
-def _noised() -> list[tuple]:
-    """Samples with noise, their v, and the share of the variance that is signal: nearly all, half, hardly any."""
-    chance = torch.Generator().manual_seed(0)
-    x0, noise = torch.randn(2, 5, 3, generator=chance)
-    mixed = [(share**0.5, (1 - share) ** 0.5, share) for share in (0.99, 0.5, 0.001)]
-    return [(a * x0 + b * noise, a * noise - b * x0, share) for a, b, share in mixed]
-
-
-def _sampler_steps(most: int, count: int, start: int) -> list[int]:
-    """The steps that a sampler stops at, the noisiest first."""
-    return timesteps(NoiseSchedule.linear(most), count, start)
-
-
-def _key_frames(frames: int, numbers: int, keys: list[int]) -> Tensor:
-    """Which numbers of which frames are given, bool [frames, numbers]."""
-    where = torch.zeros(frames, numbers, dtype=torch.bool)
-    where[keys] = True
-    return where
-
-
-EXERCISES = {
-    "x0_from_velocity": (
-        _x0_from_velocity,
-        _noised,
-        "write x and v as sums of m_0 and noise, multiply one by the root of bar_t, the other by that of 1 - bar_t: "
-        "the noise drops out of their difference",
-    ),
-    "sampler_steps": (
-        _sampler_steps,
-        lambda: [(1000, 20, 300), (1000, 50, 1000), (100, 4, 60), (10, 10, 10)],
-        "the distance is most / count, from start down; 0 itself is not a step that the network is asked at",
-    ),
-    "key_frames": (
-        _key_frames,
-        lambda: [(8, 3, [0, -1]), (6, 2, [2]), (5, 4, [])],
-        "True in all numbers of the frames in keys, False in all others",
-    ),
-}
-
 
 SAMPLER_COLOURS = (colours.LEFT, colours.RIGHT, colours.ROLES["content"], colours.CYCLE[3])
 _SHADOW = "#c9d0d9"
@@ -131,14 +87,14 @@ def plot_poses(
     >>> [text.get_text() for text in picture.axes[0].texts][-4:]
     ['a', 'b', 'c', 'd']
     """
-    found = as_list(rows)
-    poses = len(found[0])
-    if {len(motion) for motion in found} != {poses} or len(captions) not in (0, poses):
+    motions = as_list(rows)
+    poses = len(motions[0])
+    if {len(motion) for motion in motions} != {poses} or len(captions) not in (0, poses):
         raise MotionKitError(
-            f"plot_poses: rows have {[len(m) for m in found]} frames, and there are {len(captions)} captions; expected "
-            "as many frames in each row, and a caption for each of them or none"
+            f"plot_poses: rows have {[len(m) for m in motions]} frames, and there are {len(captions)} captions; "
+            "expected as many frames in each row, and a caption for each of them or none"
         )
-    picture = strip([motion.replace(fps=1.0) for motion in found], poses=poses, labels=labels, roles=roles)
+    picture = strip([motion.replace(fps=1.0) for motion in motions], poses=poses, labels=labels, roles=roles)
     for place, text in zip(picture.axes[0].texts[-poses:], captions or [""] * poses):
         place.set_text(text)
     return picture
@@ -197,8 +153,6 @@ def slide(draw: Callable[..., object], width: int = 760, **ranges: Sequence) -> 
     >>> picture.values()
     {'t': 10}
     """
-    import ipywidgets
-
     wide = {"layout": {"width": "520px"}, "style": {"description_width": "70px"}}
     controls = {}
     for name, (values, first) in ranges.items():
@@ -206,6 +160,93 @@ def slide(draw: Callable[..., object], width: int = 760, **ranges: Sequence) -> 
         if first not in values:
             raise MotionKitError(f"slide: {name} cannot start at {first}; its values are {values[:4]} to {values[-1:]}")
         controls[name] = ipywidgets.SelectionSlider(options=values, value=first, description=name, **wide)
-    explorer = Explorer(controls, draw, width=width)
-    explorer.children = [explorer.children[0], ipywidgets.VBox(list(controls.values()))]
-    return explorer
+    return Explorer(controls, draw, width=width, in_one_column=True)
+
+
+def _x0_from_velocity(x: Tensor, v: Tensor, bar_t: float) -> Tensor:
+    """The clean sample behind x, from the target between it and the noise (Salimans, Ho 2022, appendix D)."""
+    return bar_t**0.5 * x - (1 - bar_t) ** 0.5 * v
+
+
+def _noised() -> dict[str, tuple]:
+    """Samples with noise, their v, and the share of the variance that is signal."""
+    x0, noise = seeded_randn(2, 5, 3)
+    shares = {"nearly clean": 0.99, "half noise": 0.5, "nearly noise": 0.001}
+    mixed = [(words, share, share**0.5, (1 - share) ** 0.5) for words, share in shares.items()]
+    return {words: (a * x0 + b * noise, a * noise - b * x0, share) for words, share, a, b in mixed}
+
+
+def _sampler_steps(most: int, count: int, start: int) -> list[int]:
+    """The steps that a sampler stops at, the noisiest first."""
+    return timesteps(NoiseSchedule.linear(most), count, start)
+
+
+def _key_frames(frames: int, numbers: int, keys: list[int]) -> Tensor:
+    """Which numbers of which frames are given, bool [frames, numbers]."""
+    where = torch.zeros(frames, numbers, dtype=torch.bool)
+    where[keys] = True
+    return where
+
+
+EXERCISES = {
+    "key_frames": Exercise(
+        _key_frames,
+        cases=lambda: {"the first and the last": (8, 3, [0, -1]), "one in the middle": (6, 2, [2]), "none": (5, 4, [])},
+        hints=(
+            "begin with a mask in which nothing is given.",
+            "True in all numbers of the frames in keys, False in all others.",
+            "torch.zeros(frames, numbers, dtype=torch.bool), and a list of frames is an index into it.",
+        ),
+        mistakes={
+            "True is for what is given, False for what the network fills in.": lambda *case: ~_key_frames(*case),
+            "-1 is the last frame, as in Python: `in keys` does not see it.": lambda frames, numbers, keys: _key_frames(
+                frames, numbers, [key for key in keys if key >= 0]
+            ),
+            "One for every number of a frame, not one for the frame.": lambda *case: _key_frames(*case)[:, 0],
+            "A mask is of dtype torch.bool.": lambda *case: _key_frames(*case).float(),
+        },
+    ),
+    "sampler_steps": Exercise(
+        _sampler_steps,
+        cases=lambda: {
+            "1000, 20, 300: paper 1": (1000, 20, 300),
+            "1000, 50, 1000: from the noisiest": (1000, 50, 1000),
+            "100, 4, 60: start is not on the grid": (100, 4, 60),
+            "10, 10, 10: every step": (10, 10, 10),
+        },
+        hints=(
+            "how far apart would the steps be from `most` on? `start` changes nothing about that.",
+            "the distance is most / count, from start down; 0 itself is not a step that the network is asked at.",
+            "start, start - most / count, start - 2 * most / count and so on, as long as they are above 0.",
+        ),
+        mistakes={
+            "Started later, it keeps the distance most / count, and so takes fewer steps.": lambda most, count, start: (
+                _sampler_steps(start, count, start)
+            ),
+            "At 0 there is no noise left to take away: the last step is above it.": lambda *case: [
+                *_sampler_steps(*case),
+                0,
+            ],
+            "The noisiest first.": lambda *case: _sampler_steps(*case)[::-1],
+            "The grid begins at `start`, also where that is not a step from `most` on.": lambda most, count, start: (
+                [step for step in _sampler_steps(most, count, most) if step <= start]
+            ),
+        },
+    ),
+    "x0_from_velocity": Exercise(
+        _x0_from_velocity,
+        cases=_noised,
+        hints=(
+            "m_t and v are two sums of the same two things: which combination of them has no noise in it?",
+            "write x and v as sums of m_0 and noise, multiply one by the root of bar_t, the other by that of "
+            "1 - bar_t: the noise drops out of their difference.",
+            "the squares of the two roots add up to 1, so what is left is m_0 itself: root * x - other root * v.",
+        ),
+        mistakes={
+            "Minus: the noise is to drop out.": lambda x, v, bar_t: bar_t**0.5 * x + (1 - bar_t) ** 0.5 * v,
+            "The roots belong to the other one each.": lambda x, v, bar_t: (1 - bar_t) ** 0.5 * x - bar_t**0.5 * v,
+            "Take the roots of bar_t and of 1 - bar_t.": lambda x, v, bar_t: bar_t * x - (1 - bar_t) * v,
+            "That is the noise; m_0 is asked for.": lambda x, v, bar_t: (1 - bar_t) ** 0.5 * x + bar_t**0.5 * v,
+        },
+    ),
+}

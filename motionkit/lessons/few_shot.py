@@ -1,9 +1,7 @@
-"""The exercises of notebook 07: for each its reference, its cases and its hint, as `lessons.Exercise` takes them."""
+"""Notebook 07: a style learned from a BVH file, and played; its exercises."""
 
 from __future__ import annotations
 
-import html
-import io
 from collections.abc import Mapping
 
 import ipywidgets
@@ -13,44 +11,16 @@ from torch import Tensor
 from .. import bvh
 from ..errors import MotionKitError
 from ..motion import Motion
-from ..viewer.figure import StillWidget
 from ..viewer.player import Player
-from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, strip
+from ..viewer.plots import INK, StaticFigure, strip
+from . import Exercise, seeded_randn
+from .text import MessageBox
 
-
-def _low_rank(weight: Tensor, down: Tensor, up: Tensor, strength: float) -> Tensor:
-    """A matrix [out, in] with a change of low rank: A = down [rank, in], B = up [out, rank]."""
-    return weight + strength * up @ down
-
-
-def _blend(predictions: list[Tensor], weights: list[float], base: Tensor) -> Tensor:
-    """Predictions with their weights, and the rest of 1 from the base."""
-    return sum((w * x for w, x in zip(weights, predictions)), (1 - sum(weights)) * base)
-
-
-def _matrices() -> list[tuple]:
-    chance = torch.Generator().manual_seed(0)
-    weight, down, up = (torch.randn(shape, generator=chance) for shape in ((6, 5), (2, 5), (6, 2)))
-    return [(weight, down, up, strength) for strength in (1.0, 0.5, 0.0)]
-
-
-def _predictions() -> list[tuple]:
-    a, b, base = torch.randn(3, 1, 8, 4, generator=torch.Generator().manual_seed(0))
-    return [([a], [1.0], base), ([a, b], [0.5, 0.5], base), ([a, b], [1.5, -0.5], base), ([a], [0.3], base)]
-
-
-EXERCISES = {
-    "low_rank": (_low_rank, _matrices, "B A has the shape of the matrix: up comes first, and strength scales it all"),
-    "blend": (_blend, _predictions, "the weights of all that is added up make 1: the base gets what they leave"),
-}
-
-
-_TINTS = {"said": SOFT, "error": "#b3261e"}
 ALL = "all of them"
 _STRENGTHS = (0.0, 0.5, 0.75, 1.0, 1.25, 1.5)
 
 
-class StyleLesson(StillWidget, ipywidgets.HBox):
+class StyleLesson(MessageBox):
     """Controls on the left: a BVH file, a sentence that says what it does and how, *learn*; then what is to be played.
 
     On the right a player with a content and the same content in the style that was learned last, or with all contents
@@ -80,18 +50,12 @@ class StyleLesson(StillWidget, ipywidgets.HBox):
         if not contents or not all(isinstance(motion, Motion) for motion in contents.values()):
             raise MotionKitError(f"StyleLesson: expected contents by their captions; found {contents!r:.80}")
         self._method, self._contents, self._clip = method, dict(contents), style
-        self.learned, self.results, self.message, self._kind = None, [], "", "said"
-        self.controls = _controls(list(self._contents), prompt)
+        self.learned, self.results = None, []
+        controls = _controls(list(self._contents), prompt)
+        file, sentence, *playing = controls.values()
         self.button = ipywidgets.Button(description="learn", button_style="primary", layout={"width": "110px"})
-        self._text = ipywidgets.HTML(layout={"width": "290px"})
-        self.player = Player(self.chosen, height=360, roles=["content"], labels=["content"])
-        names = ("file", "prompt")
-        left = [*(self.controls[name] for name in names), self.button, self.controls["content"]]
-        column = ipywidgets.VBox(
-            [*left, self.controls["strength"], self._text], layout={"width": "310px", "padding": "4px 8px 0 0"}
-        )
-        show = ipywidgets.Box([self.player], layout={"flex": "1 1 360px", "min_width": "300px", "display": "block"})
-        super().__init__([column, show], layout={"flex_flow": "row wrap"})
+        player = Player(next(iter(self._contents.values())), height=360, roles=["content"], labels=["content"])
+        super().__init__(player, controls, [file, sentence, self.button, *playing])
         self._tell("said", "give a BVH file of a second or more, and say what it does and how")
         if style is not None:
             self._learn()
@@ -150,34 +114,26 @@ class StyleLesson(StillWidget, ipywidgets.HBox):
             return
         strength = self.controls["strength"].value
         try:
-            made = [self._method.stylize(one, style, strength, caption=text) for one, text in zip(plain, captions)]
+            results = [self._method.stylize(one, style, strength, caption=text) for one, text in zip(plain, captions)]
         except MotionKitError as error:
             self._tell("error", str(error))
             return
-        self.results = made
-        shown, names, roles = [*plain, *made], ["content", style.style], ["content", "result"]
+        self.results = results
+        shown, names, roles = [*plain, *results], ["content", style.style], ["content", "result"]
         if several:
-            shown, names, roles = made, self._names, ["result"] * len(made)
+            shown, names, roles = results, self._names, ["result"] * len(results)
         self.player.set_motions(shown, labels=names, roles=roles, layout=layout)
-
-    def _tell(self, kind: str, text: str) -> None:
-        self._kind, self.message = kind, text
-        said = html.escape(text)
-        self._text.value = f'<div style="color: {_TINTS[kind]}; line-height: 1.35; padding-top: 6px">{said}</div>'
 
     def still(self) -> bytes:
         """Content, result and message, as the bytes of a PNG."""
-        made, plain = self.results, self.chosen
-        plain = [] if len(made) > 1 else plain
-        rows, roles = [*plain, *made], ["content"] * len(plain) + ["result"] * len(made)
-        picture, raw = StaticFigure(figsize=(8.6, 1.0 + 1.7 * len(rows)), dpi=100), io.BytesIO()
-        labels = ["content", self.learned.style] if len(made) == 1 else self._names
+        results, plain = self.results, self.chosen
+        plain = [] if len(results) > 1 else plain
+        rows, roles = [*plain, *results], ["content"] * len(plain) + ["result"] * len(results)
+        picture = StaticFigure(figsize=(8.6, 1.0 + 1.7 * len(rows)), dpi=100)
+        labels = ["content", self.learned.style] if len(results) == 1 else self._names
         strip(rows, poses=9, labels=labels, roles=roles, ax=picture.add_axes((0, 0.12, 1, 0.85)))
-        told = self.message if len(self.message) < 130 else f"{self.message[:127]}..."
-        colour = INK if self._kind == "said" else _TINTS["error"]
-        picture.text(0.025, 0.05, told, fontsize=8.5, color=colour, va="center")
-        picture.savefig(raw, format="png", facecolor="white")
-        return few_colours(raw)
+        self._write_message(picture, INK)
+        return picture.png()
 
 
 def _controls(captions: list[str], prompt: str) -> dict[str, ipywidgets.Widget]:
@@ -190,3 +146,68 @@ def _controls(captions: list[str], prompt: str) -> dict[str, ipywidgets.Widget]:
             options=_STRENGTHS, value=1.0, description="strength", continuous_update=False, **wide
         ),
     }
+
+
+def _low_rank(weight: Tensor, down: Tensor, up: Tensor, strength: float) -> Tensor:
+    """A matrix [out, in] with a change of low rank: A = down [rank, in], B = up [out, rank]."""
+    return weight + strength * up @ down
+
+
+def _matrices() -> dict[str, tuple]:
+    weight, down, up = seeded_randn(6, 5), seeded_randn(2, 5, seed=1), seeded_randn(6, 2, seed=2)
+    return {f"strength {strength}": (weight, down, up, strength) for strength in (1.0, 0.5, 0.0)}
+
+
+def _blend(predictions: list[Tensor], weights: list[float], base: Tensor) -> Tensor:
+    """Predictions with their weights, and the rest of 1 from the base."""
+    return _weighted(predictions, weights) + (1 - sum(weights)) * base
+
+
+def _weighted(predictions: list[Tensor], weights: list[float]) -> Tensor:
+    return sum(w * x for w, x in zip(weights, predictions))
+
+
+def _predictions() -> dict[str, tuple]:
+    a, b, base = seeded_randn(3, 1, 8, 4)
+    return {
+        "one style": ([a], [1.0], base),
+        "half of each of two": ([a, b], [0.5, 0.5], base),
+        "more of one, less of another": ([a, b], [1.5, -0.5], base),
+        "a little of one": ([a], [0.3], base),
+    }
+
+
+EXERCISES = {
+    "blend": Exercise(
+        _blend,
+        cases=_predictions,
+        hints=(
+            "with one style and the weight 0.3, what are the other 0.7?",
+            "the weights of all that is added up make 1: the base gets what they leave.",
+            "the sum of weight * prediction, plus (1 - sum(weights)) * base.",
+        ),
+        mistakes={
+            "What the weights leave of 1 belongs to the base.": lambda xs, weights, base: _weighted(xs, weights),
+            "The base gets only what the weights leave of 1.": lambda xs, weights, base: base + _weighted(xs, weights),
+            "Each prediction has its own weight: this is the plain mean.": lambda xs, *_: torch.stack(xs).mean(0),
+            "Do not scale the weights to 1 among themselves.": lambda xs, w, base: _weighted(xs, w) / sum(w),
+        },
+    ),
+    "low_rank": Exercise(
+        _low_rank,
+        cases=_matrices,
+        hints=(
+            "which product of `up` and `down` has the shape of the matrix?",
+            "up comes first: [out, rank] @ [rank, in]; strength scales the change, and the matrix itself stays.",
+            "weight + strength * (up @ down).",
+        ),
+        mistakes={
+            "That is the change; add it to the matrix.": lambda weight, down, up, strength: strength * up @ down,
+            "The matrix stays as it is; only the change counts by strength.": lambda weight, down, up, strength: (
+                strength * (weight + up @ down)
+            ),
+            "The strength counts once, not for each factor.": lambda w, down, up, strength: w + strength**2 * up @ down,
+            "The strength is missing.": lambda weight, down, up, strength: weight + up @ down,
+        },
+    ),
+}

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import cycle
 
 import ipywidgets
 import numpy as np
@@ -16,12 +16,16 @@ from torch import Tensor
 
 from ..arena.table import ARROWS, COLUMNS, ArenaTable, Cell
 from ..arena.transfers import REAL
+from ..dtw import dtw_costs
 from ..errors import MotionKitError
 from ..metrics import fmd, gaussian
 from ..viewer import colours
+from ..viewer.figure import StillWidget
 from ..viewer.player import Player
-from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, style_axes
+from ..viewer.plots import INK, SOFT, StaticFigure, style_axes
 from ..viewer.scenes import Scene
+from . import Exercise, seeded_randn
+from .representation import Explorer
 
 CLOUD_COLOURS = ("#2244aa", "#d3622b")
 _CELLS = ("#ffffff", "#2b6ca8")
@@ -100,10 +104,6 @@ def cloud_explorer(seed: int = 0) -> object:
     >>> explorer.png != before
     True
     """
-    import ipywidgets
-
-    from .representation import Explorer
-
     generator = torch.Generator().manual_seed(seed)
     noise = torch.randn(2, 3000, 2, generator=generator, dtype=torch.float64)
     wide = {"layout": {"width": "520px"}, "style": {"description_width": "70px"}}
@@ -116,12 +116,7 @@ def cloud_explorer(seed: int = 0) -> object:
         ),
     }
 
-    def draw(**values: float) -> object:
-        return _draw_explored(noise, **values)
-
-    explorer = Explorer(controls, draw, width=700)
-    explorer.children = [explorer.children[0], ipywidgets.VBox(list(controls.values()))]
-    return explorer
+    return Explorer(controls, partial(_draw_explored, noise), width=700, in_one_column=True)
 
 
 def _draw_explored(noise: Tensor, shift: float, spread: float, turn: float, points: int) -> object:
@@ -154,9 +149,7 @@ def _distance(a: Tensor, b: Tensor, shift: float) -> float:
 
 
 def plot_confusion(
-    counts: Tensor | Sequence[Tensor],
-    labels: Sequence[str] | Sequence[Sequence[str]],
-    title: str | Sequence[str] = "",
+    counts: Tensor | Sequence[Tensor], labels: Sequence[str] | Sequence[Sequence[str]], title: str | Sequence[str] = ""
 ) -> StaticFigure:
     """What a classifier takes each class for: rows are the truth, columns what it found, cells per cent of the row.
 
@@ -176,7 +169,7 @@ def plot_confusion(
             f"plot_confusion: {len(counts)} tables of counts, {len(labels)} lists of labels and {len(titles)} titles; "
             "expected one of each for every picture"
         )
-    tables = [_table(given, names) for given, names in zip(counts, labels)]
+    tables = [_table(count, names) for count, names in zip(counts, labels)]
     sizes = [len(table) for table in tables]
     wide = min(1.9 * len(tables) + 0.42 * sum(sizes), 11.0)
     picture = StaticFigure(figsize=(wide, min(1.5 + 0.42 * max(sizes), 5.6)), dpi=105, layout="constrained")
@@ -268,7 +261,7 @@ def _panel(ax: object, column: str, cells: dict[str, Cell]) -> None:
     about, real = COLUMNS[column], cells.pop(REAL, Cell(math.nan)).value
     if real == real:
         ax.axvline(real, color=SOFT, lw=1.2, ls=(0, (4, 3)), zorder=1)
-    for y, (cell, colour) in enumerate(zip(cells.values(), _cycle())):
+    for y, (cell, colour) in enumerate(zip(cells.values(), cycle(colours.CYCLE))):
         _draw(ax, y, cell, colour)
     ax.set_title(f"{about.title} {ARROWS[about.better]}", fontsize=9.5, loc="left", color=INK)
     ax.set_yticks(range(len(cells)), list(cells))
@@ -278,10 +271,6 @@ def _panel(ax: object, column: str, cells: dict[str, Cell]) -> None:
     ax.grid(visible=False, axis="y")
     ax.tick_params(labelsize=8, length=0)
     ax.set_xlabel(_GOOD[about.better], fontsize=7.5, color=SOFT)
-
-
-def _cycle() -> list[str]:
-    return list(colours.CYCLE) * 20
 
 
 def _draw(ax: object, y: int, cell: Cell, colour: str) -> None:
@@ -297,8 +286,8 @@ def _draw(ax: object, y: int, cell: Cell, colour: str) -> None:
 
 def _limits(ax: object, cells: list[Cell]) -> None:
     """Room on both sides; from 0 where the figures are not far from it."""
-    seen = [x for c in cells for x in (c.value, c.low, c.high) if x == x]
-    low, high = (min(seen), max(seen)) if seen else (0.0, 1.0)
+    values = [x for c in cells for x in (c.value, c.low, c.high) if x == x]
+    low, high = (min(values), max(values)) if values else (0.0, 1.0)
     low = 0.0 if 0 <= low < 0.5 * high else low
     room = 0.06 * (high - low or 1.0)
     ax.set_xlim(low - room, high + room)
@@ -336,14 +325,14 @@ def embed(features: Tensor, seed: int = 0) -> Tensor:
     count, wide = int(known.sum()), x.shape[1]
     if count < 4 or wide < 2:
         raise MotionKitError(f"embed: expected at least 4 finite rows of at least 2 numbers, found {count} of {wide}")
-    found = x[known] - x[known].mean(0)
-    spread = np.abs(found).max()
+    centred = x[known] - x[known].mean(0)
+    spread = np.abs(centred).max()
     if not spread > 1e-9 * np.abs(x[known]).max():
         raise MotionKitError(f"embed: all {count} rows are alike, so there is nothing to lay out; look at the encoder")
     machine = TSNE(2, perplexity=min(30.0, (count - 1) / 3), init="pca", random_state=seed)
     places = np.full((len(x), 2), np.nan, np.float32)
     with threadpool_limits(1):  # more threads wait for each other longer than they work, and round differently
-        places[known] = machine.fit_transform((found / spread).astype(np.float32))
+        places[known] = machine.fit_transform((centred / spread).astype(np.float32))
     return torch.from_numpy(places)
 
 
@@ -446,7 +435,7 @@ class MapFigure(Scene):
 def _figure(drawn: _Drawn, size: tuple[int, int]) -> MapFigure:
     figure = MapFigure(_traces(drawn), _layout(drawn, size))
     figure.__dict__["_motionkit_drawn"] = drawn
-    figure.__dict__["_motionkit_still"] = lambda: _still(drawn, "jpeg")
+    figure.__dict__["_motionkit_still"] = lambda: draw_map(drawn).jpeg()
     return figure
 
 
@@ -461,6 +450,7 @@ def _looks(drawn: _Drawn) -> list[tuple[str, list[int], str, str]]:
 
 def _traces(drawn: _Drawn) -> list[dict]:
     """A plotly scatter for each label."""
+    edge = {"opacity": 0.9, "line": {"width": 0.5, "color": "white"}}
     return [
         {
             "type": "scatter",
@@ -470,13 +460,7 @@ def _traces(drawn: _Drawn) -> list[dict]:
             "y": drawn.points[own, 1].round(3).tolist(),
             "text": [drawn.names[n] for n in own],
             "hovertemplate": f"%{{text}}<extra>{label}</extra>",
-            "marker": {
-                "color": ink,
-                "symbol": mark,
-                "size": round(8 * _SIZES.get(mark, 1)),
-                "opacity": 0.9,
-                "line": {"width": 0.5, "color": "white"},
-            },
+            "marker": {**edge, "color": ink, "symbol": mark, "size": round(8 * _SIZES.get(mark, 1))},
         }
         for label, own, ink, mark in _looks(drawn)
     ]
@@ -485,6 +469,8 @@ def _traces(drawn: _Drawn) -> list[dict]:
 def _layout(drawn: _Drawn, size: tuple[int, int], *, below: bool = False) -> dict:
     """How plotly shows a map; `below` puts the legend under it, else it stands at the right."""
     hidden = {"visible": False}
+    caption = {"text": drawn.caption, "showarrow": False, "font": {"color": SOFT, "size": 11}}
+    caption |= {"x": 0, "y": 1, "xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
     low, high = drawn.points.min(0), drawn.points.max(0)
     room = 0.04 * np.maximum(high - low, 1e-6)
     ranges = [[round(float(v), 3) for v in pair] for pair in zip(low - room, high + room)]
@@ -504,13 +490,8 @@ def _layout(drawn: _Drawn, size: tuple[int, int], *, below: bool = False) -> dic
         "hovermode": "closest",
         "legend": legend,
         "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": SOFT, "activecolor": colours.CONTACT, "remove": list(_TOOLS)},
-        "annotations": [_caption(drawn.caption)] if drawn.caption else [],
+        "annotations": [caption] if drawn.caption else [],
     }
-
-
-def _caption(text: str) -> dict:
-    place = {"x": 0, "y": 1, "xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
-    return {"text": text, **place, "showarrow": False, "font": {"color": SOFT, "size": 11}}
 
 
 def draw_map(drawn: _Drawn) -> StaticFigure:
@@ -532,19 +513,7 @@ def draw_map(drawn: _Drawn) -> StaticFigure:
     return picture
 
 
-def _still(drawn: _Drawn, kind: str) -> bytes:
-    from PIL import Image
-
-    raw, small = io.BytesIO(), io.BytesIO()
-    draw_map(drawn).savefig(raw, format="png", facecolor="white")
-    if kind == "png":
-        return few_colours(raw)
-    with Image.open(raw) as image:
-        image.convert("RGB").save(small, format="jpeg", quality=80, optimize=True)
-    return small.getvalue()
-
-
-class FeatureMap(ipywidgets.Box):
+class FeatureMap(StillWidget, ipywidgets.Box):
     """A map of clips beside a player; see `feature_map`.
 
     `figure` is plotly's widget, `player` shows the clip of the dot last pointed at, `shown` is the row given that it
@@ -585,12 +554,119 @@ class FeatureMap(ipywidgets.Box):
 
     def still(self) -> bytes:
         """The map as the bytes of a PNG."""
-        return _still(self._drawn, "png")
+        return draw_map(self._drawn).png()
 
     def __repr__(self) -> str:
         return repr(self._drawn)
 
     def _repr_mimebundle_(self, **more: object) -> dict:
-        """The live widget, and beside it the picture for pages that run nothing."""
-        bundle = super()._repr_mimebundle_(**more) or {}
-        return {**bundle, "image/png": base64.b64encode(self.still()).decode(), "text/plain": repr(self)}
+        return {**super()._repr_mimebundle_(**more), "text/plain": repr(self)}
+
+
+def _crowds() -> dict[str, tuple]:
+    """Features [N, D] and [M, D]."""
+    a, b = seeded_randn(60, 4), 2 * seeded_randn(50, 4, seed=1) + torch.tensor([1.0, 0.0, -1.0, 0.0])
+    centred = a - a.mean(0)
+    return {"two crowds": (a, b), "a crowd and itself": (a, a), "one only wider": (centred, 3 * centred)}
+
+
+def _frechet_by_number(a: Tensor, b: Tensor) -> Tensor:
+    """The Fréchet distance of two crowds whose numbers are taken one by one, as if none went with another."""
+    return _squares(a.mean(0) - b.mean(0), a.std(0) - b.std(0))
+
+
+def _squares(*differences: Tensor) -> Tensor:
+    """The sum of all squares."""
+    return torch.stack(differences).square().sum()
+
+
+def _judged() -> dict[str, tuple]:
+    """Found and true labels."""
+    return {
+        "as many of each class": (torch.tensor([0, 1, 1, 0]), torch.tensor([0, 0, 1, 1])),
+        "one class far larger": (torch.tensor([0] * 6 + [1] * 2 + [0, 1]), torch.tensor([0] * 8 + [1] * 2)),
+        "always the larger class": (torch.zeros(10).long(), torch.tensor([0] * 8 + [1] * 2)),
+        "a class that is never right": (torch.tensor([4, 4, 7, 7, 4]), torch.tensor([4, 4, 7, 4, 9])),
+    }
+
+
+def _fair_accuracy(found: Tensor, wanted: Tensor) -> Tensor:
+    """The mean over the classes that occur of the share of each that was found, 0 to 1."""
+    return torch.stack([(found[wanted == c] == c).double().mean() for c in wanted.unique()]).mean()
+
+
+def _warp_cost(costs: Tensor) -> Tensor:
+    """What the cheapest path costs, from the first pair of frames to the last."""
+    return dtw_costs(costs[None])[0]
+
+
+def _greedy_cost(costs: Tensor) -> Tensor:
+    """What a path costs that always takes the cheapest next pair."""
+    at, total, end = (0, 0), costs[0, 0], (costs.shape[0] - 1, costs.shape[1] - 1)
+    while at != end:
+        onward = [(at[0] + i, at[1] + k) for i, k in ((1, 1), (1, 0), (0, 1))]
+        at = min((pair for pair in onward if pair[0] <= end[0] and pair[1] <= end[1]), key=lambda pair: costs[pair])
+        total = total + costs[at]
+    return total
+
+
+EXERCISES = {
+    "fair_accuracy": Exercise(
+        _fair_accuracy,
+        cases=_judged,
+        hints=(
+            "how often is each class right, taken by itself?",
+            "first the share of each class that was found, then the mean over the classes that occur in `wanted`; each "
+            "class counts the same, however large it is; a share from 0 to 1.",
+            "for each c in wanted.unique(): the mean of found[wanted == c] == c; then the mean of these.",
+        ),
+        mistakes={
+            "That is the share of all clips: a large class outweighs the others.": lambda x, y: (
+                (x == y).double().mean()
+            ),
+            "Group the clips by what they are (wanted), not by what was found.": lambda x, y: _fair_accuracy(y, x),
+            "Only classes that occur in `wanted` count.": lambda x, y: (
+                _fair_accuracy(x, y) * len(y.unique()) / (1 + y.max())
+            ),
+            "A share from 0 to 1, not per cent.": lambda x, y: 100 * _fair_accuracy(x, y),
+        },
+    ),
+    "frechet_by_number": Exercise(
+        _frechet_by_number,
+        cases=_crowds,
+        hints=(
+            "a mean and a standard deviation for each of the D numbers of both crowds: where do they differ?",
+            "for each number the difference of the means, squared, plus the difference of the standard deviations (not "
+            "of the variances), squared; torch's std divides by N - 1; then the sum over all numbers.",
+            "the sum of (a.mean(0) - b.mean(0)) ** 2 + (a.std(0) - b.std(0)) ** 2.",
+        ),
+        mistakes={
+            "Standard deviations, not variances.": lambda a, b: _squares(a.mean(0) - b.mean(0), a.var(0) - b.var(0)),
+            "The sum over all numbers, not their mean.": lambda a, b: _frechet_by_number(a, b) / a.shape[1],
+            "A sample's deviation divides by N - 1, as torch's does.": lambda a, b: _squares(
+                a.mean(0) - b.mean(0), a.std(0, correction=0) - b.std(0, correction=0)
+            ),
+            "Each number by itself: over dimension 0.": lambda a, b: _squares(a.mean() - b.mean(), a.std() - b.std()),
+        },
+    ),
+    "warp_cost": Exercise(
+        _warp_cost,
+        cases=lambda: {
+            "the diagonal is free": (1 - torch.eye(5),),
+            "random costs": (seeded_randn(6, 6).abs(),),
+            "clips of different length": (seeded_randn(4, 9, seed=1).abs(),),
+        },
+        hints=(
+            "if you knew what it costs to come to the three pairs before [i, j], what would [i, j] cost?",
+            "best[i, j] = costs[i, j] + the least of best[i - 1, j], best[i, j - 1] and best[i - 1, j - 1]; the first "
+            "row and column have one way only.",
+            "give `best` a border of infinite costs above and at the left, with 0 in its corner: no special cases.",
+        ),
+        mistakes={
+            "The path may leave the diagonal, where that is cheaper.": lambda costs: costs.diagonal().sum(),
+            "The cheapest next step can lead into expensive places: keep the best for every pair.": _greedy_cost,
+            "The cheapest pair in each row is no path: it jumps.": lambda costs: costs.min(1).values.sum(),
+            "The path has to pay for both of its ends.": lambda costs: _warp_cost(costs) - costs[0, 0],
+        },
+    ),
+}

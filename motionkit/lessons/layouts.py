@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import html
-import io
 import json
 import zlib
 from collections.abc import Mapping, Sequence
@@ -14,12 +11,21 @@ import anywidget
 import numpy as np
 import torch
 import traitlets
+from torch import Tensor
 
 from .. import rotations as rot
+from ..contacts import foot_sliding
 from ..errors import MotionKitError
+from ..features import HumanML3D
+from ..features.canonical import canonicalize, integrate
+from ..features.facing_free import FacingFree
+from ..methods.baselines import match_statistics
+from ..motion import Motion
+from ..skeleton import smpl
 from ..viewer import colours
-from ..viewer.figure import as_list, cone_outline, draw_figure, figures, view_axes
+from ..viewer.figure import HiddenStill, as_list, cone_outline, draw_figure, figures, view_axes
 from ..viewer.plots import INK, SOFT, StaticFigure, style_axes
+from . import Exercise, seeded_randn
 
 PARTS = {
     "root": "#39424e",
@@ -175,10 +181,10 @@ def draw_features(picture: object, points: np.ndarray, look: dict, values: np.nd
 
 def _skeleton(ax: object, pose: np.ndarray, look: dict, number: int) -> None:
     view = np.float32(look["view"])
-    seen = pose @ view.T
-    _body(ax, look, seen[:, :2], seen[:, 2])
+    points = pose @ view.T
+    _body(ax, look, points[:, :2], points[:, 2])
     joint, axis = look["joints_of"][number], look["axis_of"][number]
-    lit = seen[look["pelvis"] if joint is None else joint]
+    lit = points[look["pelvis"] if joint is None else joint]
     if axis is not None:
         along = view[:, axis][:2]
         tip, back = lit[:2] + 0.36 * along, lit[:2] - 0.12 * along
@@ -225,11 +231,12 @@ def _keys(ax: object, look: dict, now: np.ndarray, number: int) -> None:
 _JS = Path(__file__).parent / "js"
 
 
-class _Inspector(anywidget.AnyWidget):
+class _Inspector(HiddenStill, anywidget.AnyWidget):
     """What both share: a motion, the frame shown, and a still of it."""
 
     _esm = (_JS / "inspectors.js").read_text(encoding="utf-8")
     _css = (_JS / "inspectors.css").read_text(encoding="utf-8")
+    _view = "mk-inspect"
     _kind = traitlets.Unicode().tag(sync=True)
     _look = traitlets.Unicode().tag(sync=True)
     _points = traitlets.Bytes().tag(sync=True)
@@ -253,32 +260,9 @@ class _Inspector(anywidget.AnyWidget):
 
     def still(self) -> bytes:
         """What the view shows now, as the bytes of a PNG."""
-        from matplotlib.figure import Figure as Picture
-        from PIL import Image
-
-        picture = Picture(figsize=(8.4, 4.1), dpi=100, layout="constrained")
+        picture = StaticFigure(figsize=(8.4, 4.1), dpi=100, layout="constrained")
         self.draw(picture)
-        raw, small = io.BytesIO(), io.BytesIO()
-        picture.savefig(raw, format="png", facecolor="white")
-        image = Image.open(raw).convert("RGB").quantize(128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-        image.save(small, format="png", optimize=True)
-        return small.getvalue()
-
-    def _repr_mimebundle_(self, **_: object) -> dict:
-        view = {"version_major": 2, "version_minor": 0, "model_id": self.model_id}
-        return {"application/vnd.jupyter.widget-view+json": view, "text/plain": repr(self)}
-
-    def _ipython_display_(self, **_: object) -> None:
-        """Show the live view, and after it a still that the live view hides."""
-        from IPython.display import display
-
-        # without a kernel JupyterLab complains in the view's place; where HTML is trusted, the rule takes that away
-        rule = f".jp-OutputArea-child:not(:has(.mk-inspect)):has(+ .jp-OutputArea-child .{self._still})"
-        source = base64.b64encode(self.still()).decode()
-        image = f'<img alt="{html.escape(repr(self))}" src="data:image/png;base64,{source}" style="max-width: 100%">'
-        still = f'<style>{rule} {{ display: none; }}</style><div class="{self._still}">{image}</div>'
-        display(self._repr_mimebundle_(), raw=True)
-        display({"text/html": still, "text/plain": "(still picture)"}, raw=True)
+        return picture.png()
 
 
 class FacingView(_Inspector):
@@ -308,8 +292,8 @@ class FeatureInspector(_Inspector):
     @property
     def joint(self) -> str | None:
         """The name of the joint that is lit, or None where the number speaks of the whole body."""
-        found = self._shape["joints_of"][self.number]
-        return None if found is None else self._shape["names"][found]
+        number = self._shape["joints_of"][self.number]
+        return None if number is None else self._shape["names"][number]
 
     @property
     def description(self) -> str:
@@ -333,8 +317,6 @@ def facing_view(motion: object, frame: int | None = None) -> FacingView:
     >>> facing_view(mk.load("data/actor/walk_turn_left_neutral.bvh"), frame=30)
     FacingView(walk_turn_left_neutral, frame 30)
     """
-    from ..features.facing_free import FacingFree
-
     (motion,) = _one(motion)
     look = _look_of(motion)
     root = FacingFree().encode(motion)[:, :4]
@@ -366,9 +348,6 @@ def feature_inspector(
     >>> view.joint, view.description
     ('left_knee', 'positions y of left_knee (m)')
     """
-    from ..features import HumanML3D
-    from ..features.canonical import canonicalize
-
     (motion,) = _one(motion)
     layout = HumanML3D() if layout is None else layout
     values = layout.encode(motion).flatten(1).numpy()
@@ -391,10 +370,10 @@ def feature_inspector(
 
 
 def _one(motion: object) -> list:
-    found = as_list(motion)
-    if len(found) > 1:
-        raise MotionKitError(f"an inspector shows one motion; found {len(found)}: choose one of them")
-    return found
+    motions = as_list(motion)
+    if len(motions) > 1:
+        raise MotionKitError(f"an inspector shows one motion; found {len(motions)}: choose one of them")
+    return motions
 
 
 def _look_of(motion: object) -> dict:
@@ -440,3 +419,113 @@ def _axis(text: str) -> int | None:
     if not text.endswith(("(m)", "(m/frame)")):
         return None
     return next((n for n, words in enumerate((" x ", " y ", " z ")) if words in text), 1)  # the height is along y
+
+
+def _walkers() -> dict[str, tuple]:
+    """Motions and contacts."""
+    upright = rot.identity_quaternion(20, 22)
+    still = torch.tensor([0.0, 0.96, 0.0]).expand(20, 3)
+    slide = still + torch.arange(20)[:, None] * torch.tensor([0.0, 0.0, 0.01])
+    stands = torch.ones(20, 4, dtype=torch.bool)
+    swinging, swaying = rot.exp_map(0.2 * seeded_randn(20, 22, 3)), still + 0.1 * seeded_randn(20, 3)
+    flailing = Motion.from_root(smpl(), swinging, swaying, 30.0)
+    return {
+        "a body that stands": (Motion.from_root(smpl(), upright, still, 30.0), stands),
+        "one that slides 1 cm a frame": (Motion.from_root(smpl(), upright, slide, 30.0), stands),
+        "one that flails, on random feet": (flailing, seeded_randn(20, 4) > 0),
+        "no foot ever stands": (flailing, ~stands),
+    }
+
+
+def _slide(motion: Motion, chosen: Tensor, axes: Sequence[int] = (0, 2)) -> Tensor | float:
+    """Millimetres a frame along some axes, over the chosen pairs [F-1, K]."""
+    feet = motion.positions()[:, list(motion.skeleton.feet())][..., list(axes)]
+    steps = 1000 * (feet[1:] - feet[:-1]).norm(dim=-1)
+    return steps[chosen].mean() if chosen.any() else 0.0
+
+
+def _published_path(features: Tensor) -> Tensor:
+    """Where the root stands on the ground, [F, 2], from HumanML3D features [F, 3 or more]."""
+    return HumanML3D().path(features)[1]
+
+
+def _wrong_path(x: Tensor, turn: float = -2.0, *, seen_from: int = 1) -> Tensor:
+    """The published path with another share of the turn, or with steps seen from another frame."""
+    yaw = turn * integrate(x[:, 0])
+    yaw = torch.cat((yaw[seen_from:], yaw[-1:].expand(seen_from)))
+    step = torch.stack((x[:, 1], torch.zeros(len(x)), x[:, 2]), -1)
+    return integrate(rot.quaternion_rotate(rot.yaw_to_quaternion(yaw), step))[:, [0, 2]]
+
+
+EXERCISES = {
+    "foot_sliding": Exercise(
+        foot_sliding,
+        cases=_walkers,
+        hints=(
+            "a standing foot should stay where it is: how far does it move from one frame to the next?",
+            "the mean over pairs of neighbouring frames in which the same joint stands in both; x and z only, in "
+            "millimetres; 0 where nothing stands.",
+            "both = contacts[1:] & contacts[:-1] chooses among the lengths of the steps [F-1, K] on the ground.",
+        ),
+        mistakes={
+            "Feet in the air may move: count pairs in which the joint stands.": lambda m, c: _slide(m, c[1:] | True),
+            "It must stand in both frames of a pair (&), not in one of them (|).": lambda m, c: _slide(
+                m, c[1:] | c[:-1]
+            ),
+            "Over the ground only: leave y out.": lambda m, c: _slide(m, c[1:] & c[:-1], axes=(0, 1, 2)),
+            "A foot may slide sideways, too: x and z.": lambda m, c: _slide(m, c[1:] & c[:-1], axes=(2,)),
+            "Positions are in metres; the answer is in millimetres.": lambda m, c: foot_sliding(m, c) / 1000,
+        },
+    ),
+    "match_statistics": Exercise(
+        match_statistics,
+        cases=lambda: {
+            "two clips": (seeded_randn(30, 5), 2 * seeded_randn(40, 5, seed=1) + 3),
+            "numbers that hardly move, or never": (
+                seeded_randn(30, 5) * torch.tensor([1.0, 1.0, 1.0, 0.01, 0.0]),
+                seeded_randn(40, 5, seed=1),
+            ),
+        },
+        hints=(
+            "each of the D numbers has a mean and a spread over the frames: take the content's away, give the style's.",
+            "mean and spread over dimension 0, with the population's spread (correction=0); no spread may grow to more "
+            "than three times what it was, and none may be divided by 0.",
+            "gain = (spread of the style / spread of the content.clamp(min=1e-6)).clamp(max=3).",
+        ),
+        mistakes={
+            "No spread may grow to more than three times what it was: clamp the gain.": lambda x, y: match_statistics(
+                x, y, most=1e9
+            ),
+            "One mean and spread for each of the D numbers, over dimension 0; not one for all.": lambda x, y: (
+                (x - x.mean()) / x.std(correction=0) * y.std(correction=0) + y.mean()
+            ),
+            "The population's spread: correction=0.": lambda x, y: (
+                (x - x.mean(0)) * (y.std(0) / x.std(0).clamp(min=1e-6)).clamp(max=3) + y.mean(0)
+            ),
+            "The mean is there; now the spread, too.": lambda x, y: x - x.mean(0) + y.mean(0),
+        },
+    ),
+    "published_path": Exercise(
+        _published_path,
+        cases=lambda: {
+            "three steps ahead": (torch.tensor([[0.0, 0, 1], [0, 0, 1], [0, 0, 1]]),),
+            "a random walk": (0.1 * seeded_randn(30, 4),),
+        },
+        hints=(
+            "first find where the body faces, then turn each step by it, then add up the steps.",
+            "the first number is half the turn, and to the right; the step of frame t is seen from where the body "
+            "faces in frame t + 1; the path starts at 0, 0.",
+            "yaw = -2 * sum_before(x[:, 0]); turn (x[:, 1], 0, x[:, 2]) by the next frame's yaw; sum_before again.",
+        ),
+        mistakes={
+            "The file holds half the turn of a frame.": lambda x: _wrong_path(x, turn=-1),
+            "The file counts turns to the right, yaw_to_quaternion those to the left.": lambda x: _wrong_path(
+                x, turn=2
+            ),
+            "Frame t's step is seen from where the body faces in frame t + 1.": lambda x: _wrong_path(x, seen_from=0),
+            "The path starts at 0, 0: add up the steps before a frame, without its own.": lambda x: _published_path(
+                torch.cat((x, x[-1:]))
+            )[1:],
+        },
+    ),
+}

@@ -1,8 +1,7 @@
-"""Pictures of notebook 01: the ways between two rotations, a rotation's numbers over time, motions from the side."""
+"""Notebook 01: the ways between two rotations, a rotation's numbers over time, motions from the side; exercises."""
 
 from __future__ import annotations
 
-import base64
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -15,8 +14,9 @@ from torch import Tensor
 from .. import rotations as rot
 from ..errors import MotionKitError
 from ..viewer import colours
-from ..viewer.figure import draw_figure, draw_floor, figures, view_axes
+from ..viewer.figure import StillWidget, draw_figure, draw_floor, figures, view_axes
 from ..viewer.plots import INK, SOFT, StaticFigure, _axes, few_colours, style_axes
+from . import Exercise, seeded_randn
 
 _JUMP = 0.2  # a curve that steps further from one value to the next counts as broken
 
@@ -137,8 +137,8 @@ def gimbal_axles(order: str, degrees: Sequence[float]) -> Tensor:
     """
     turned = torch.deg2rad(torch.as_tensor(degrees, dtype=torch.float32))
     before = [turned * torch.tensor([float(k < n) for k in range(3)]) for n in range(3)]
-    own = torch.eye(3)[[rot.AXES[letter] for letter in order.upper()]]
-    return rot.quaternion_rotate(rot.euler_to_quaternion(torch.stack(before), order), own)
+    axles = torch.eye(3)[[rot.AXES[letter] for letter in order.upper()]]
+    return rot.quaternion_rotate(rot.euler_to_quaternion(torch.stack(before), order), axles)
 
 
 def gimbal_freedom(order: str, degrees: Sequence[float]) -> float:
@@ -161,20 +161,12 @@ def plot_gimbal(order: str = "ZXY", degrees: Sequence[float] = (30, 40, -20), *,
     view = view_axes(np.float32([1, 0, 0]), turn=-0.5, rise=0.34)
     for n, (letter, angle, radius) in enumerate(zip(order.upper(), degrees, _RINGS)):
         _draw_ring(ax, axles[n] @ view.T, axles[(n + 1) % 3] @ view.T, float(angle), radius, AXIS_COLOURS[letter])
-        end = 1.16 * radius * axles[n] @ view.T
-        for sign in (1, -1):  # the axle's near half lies over the rings, its far half under them
-            ax.plot(
-                [0, sign * end[0]],
-                [0, sign * end[1]],
-                color=AXIS_COLOURS[letter],
-                lw=1.6,
-                zorder=6 if sign * end[2] > 0 else 2,
-            )
+        for end in (1.16 * radius * axles[n] @ view.T, -1.16 * radius * axles[n] @ view.T):
+            over = 6 if end[2] > 0 else 2  # the axle's near half lies over the rings, its far half under them
+            ax.plot([0, end[0]], [0, end[1]], color=AXIS_COLOURS[letter], lw=1.6, zorder=over)
         _name_axle(ax, axles[n] @ view.T, n, f"{letter}{'₁₂₃'[n]}", AXIS_COLOURS[letter])
-    turn = rot.quaternion_to_matrix(
-        rot.euler_to_quaternion(torch.deg2rad(torch.tensor(degrees, dtype=torch.float32)), order)
-    )
-    _draw_dart(ax, view @ turn.numpy())
+    turned = rot.euler_to_quaternion(torch.deg2rad(torch.tensor(degrees, dtype=torch.float32)), order)
+    _draw_dart(ax, view @ rot.quaternion_to_matrix(turned).numpy())
     ax.set(xlim=(-1.45, 1.45), ylim=(-1.45, 1.45), aspect="equal")
     ax.set_axis_off()
     return picture
@@ -190,18 +182,8 @@ def _name_axle(ax: object, axle: np.ndarray, n: int, name: str, colour: str) -> 
     if least > far * flat:
         ends = np.stack((1.16 * _RINGS[n] * axle[:2], place))
         ax.plot(*ends.T, ":", color=colour, lw=1.4, zorder=8)
-    halo = [withStroke(linewidth=3.5, foreground="white")]
-    ax.text(
-        *place,
-        name,
-        color=colour,
-        fontsize=12,
-        weight="bold",
-        ha="center",
-        va="center",
-        zorder=9,
-        path_effects=halo,
-    )
+    letters = {"color": colour, "fontsize": 12, "weight": "bold", "ha": "center", "va": "center", "zorder": 9}
+    ax.text(*place, name, path_effects=[withStroke(linewidth=3.5, foreground="white")], **letters)
 
 
 def _draw_ring(ax: object, axle: np.ndarray, start: np.ndarray, angle: float, radius: float, colour: str) -> None:
@@ -209,11 +191,8 @@ def _draw_ring(ax: object, axle: np.ndarray, start: np.ndarray, angle: float, ra
     from matplotlib.collections import LineCollection
 
     start = start - (start @ axle) * axle
-    u = (
-        start / np.linalg.norm(start)
-        if np.linalg.norm(start) > 1e-3
-        else rot.perpendicular_to(torch.from_numpy(axle)).numpy()
-    )
+    u, length = rot.perpendicular_to(torch.from_numpy(axle)).numpy(), np.linalg.norm(start)
+    u = start / length if length > 1e-3 else u
     v = np.cross(axle, u)
     t = np.linspace(0, 2 * np.pi, 97)[:, None]
     points = radius * (np.cos(t) * u + np.sin(t) * v)
@@ -222,9 +201,8 @@ def _draw_ring(ax: object, axle: np.ndarray, start: np.ndarray, angle: float, ra
     for near, zorder in ((False, 1), (True, 7)):
         chosen = (depth >= 0) == near
         shades = [colours.mix(colour, "#ffffff", float(np.clip(0.32 - 0.38 * d, 0, 0.7))) for d in depth[chosen]]
-        ax.add_collection(
-            LineCollection(segments[chosen], colors=shades, linewidths=4.2, capstyle="round", zorder=zorder)
-        )
+        look = {"linewidths": 4.2, "capstyle": "round", "zorder": zorder}
+        ax.add_collection(LineCollection(segments[chosen], colors=shades, **look))
     knob = points[0]
     ax.plot(*knob[:2], "o", ms=8.5, color=colour, mec="white", mew=1.4, zorder=8 if knob[2] >= 0 else 3)
 
@@ -239,26 +217,22 @@ def _draw_dart(ax: object, turn: np.ndarray) -> None:
     for corners, colour in faces:
         normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
         fills.append(colours.mix(colour, "#ffffff", 0.4 * float(1 - abs(normal[2]) / np.linalg.norm(normal))))
-    edges = [colours.mix(fill, "#20262e", 0.4) for fill in fills]
-    ax.add_collection(
-        PolyCollection([f[:, :2] for f, _ in faces], facecolors=fills, edgecolors=edges, linewidths=0.8, zorder=5)
-    )
+    edges, outlines = [colours.mix(fill, "#20262e", 0.4) for fill in fills], [corners[:, :2] for corners, _ in faces]
+    ax.add_collection(PolyCollection(outlines, facecolors=fills, edgecolors=edges, linewidths=0.8, zorder=5))
 
 
 def write_numbers(picture: object, order: str, degrees: Sequence[float]) -> None:
     """The same rotation as Euler angles, quaternion, matrix and 6D, and how free the gimbal is, at the right."""
     from matplotlib.patches import Rectangle
 
-    q = rot.quaternion_canonical(
-        rot.euler_to_quaternion(torch.deg2rad(torch.tensor(degrees, dtype=torch.float64)), order)
-    )
+    angles = torch.deg2rad(torch.tensor(degrees, dtype=torch.float64))
+    q = rot.quaternion_canonical(rot.euler_to_quaternion(angles, order))
     matrix, free = rot.quaternion_to_matrix(q).tolist(), gimbal_freedom(order, degrees)
 
     def row(y: float, values: Sequence[str], inks: Sequence[str] = (INK,) * 4) -> None:
+        letters = {"fontsize": 11.5, "family": "monospace", "va": "center", "ha": "right"}
         for n, (value, ink) in enumerate(zip(values, inks)):
-            picture.text(
-                0.65 + 0.1 * n, y, value, fontsize=11.5, color=ink, family="monospace", va="center", ha="right"
-            )
+            picture.text(0.65 + 0.1 * n, y, value, color=ink, **letters)
 
     titles = (f"Euler angles, R = {' '.join(f'R{letter.lower()}' for letter in order)}", "unit quaternion  w x y z",
               "matrix: its first two columns are the 6D", "freedom of the three axles")  # fmt: skip
@@ -270,32 +244,24 @@ def write_numbers(picture: object, order: str, degrees: Sequence[float]) -> None
         row(0.5 - 0.07 * n, [f"{value:.2f}".replace("-0.00", "0.00") for value in matrix[n]], (INK, INK, "#aab2bc"))
     locked = free < _LOCKED
     for width, colour in ((1, "#e9ecf1"), (free, colours.CONTACT if locked else colours.ROLES["content"])):
-        picture.add_artist(
-            Rectangle((0.56, 0.175), 0.4 * width, 0.04, transform=picture.transFigure, color=colour, lw=0)
-        )
+        place = {"transform": picture.transFigure, "color": colour, "lw": 0}
+        picture.add_artist(Rectangle((0.56, 0.175), 0.4 * width, 0.04, **place))
     for x, word, side in ((0.56, "empty: lock", "left"), (0.96, "full: all independent", "right")):
         picture.text(x, 0.145, word, fontsize=8.5, color=SOFT, va="center", ha=side)
     if locked:
-        picture.text(
-            0.56,
-            0.08,
-            "gimbal lock: two axles fall together",
-            fontsize=10.5,
-            color=colours.CONTACT,
-            weight="bold",
-            va="center",
-        )
+        letters = {"fontsize": 10.5, "color": colours.CONTACT, "weight": "bold", "va": "center"}
+        picture.text(0.56, 0.08, "gimbal lock: two axles fall together", **letters)
 
 
 ORDERS = ("ZXY", "ZYX", "XYZ", "XZY", "YXZ", "YZX", "ZXZ", "ZYZ", "XYX", "XZX", "YXY", "YZY")
 
 
-class Explorer(ipywidgets.VBox):
+class Explorer(StillWidget, ipywidgets.VBox):
     """A picture over the controls that change it.
 
     controls: name to widget; whole-number sliders stand at the right, all else at the left. draw: called with the
     controls' values, gives a matplotlib Figure. buttons: widgets shown with the controls that are no argument of
-    `draw`. width: of the picture, pixels.
+    `draw`. width: of the picture, pixels. in_one_column: all controls under each other, in their order.
 
     >>> slider = ipywidgets.IntSlider(value=2)
     >>> explorer = Explorer({"x": slider}, lambda x: _axes(None, (2, 1))[1])
@@ -305,19 +271,26 @@ class Explorer(ipywidgets.VBox):
     {'x': 5}
     """
 
+    about = "sliders"
+
     def __init__(
         self,
         controls: Mapping[str, ipywidgets.Widget],
         draw: Callable[..., object],
         buttons: Sequence[ipywidgets.Widget] = (),
         width: int = 760,
+        *,
+        in_one_column: bool = False,
     ) -> None:
         self.controls, self._draw = dict(controls), draw
         self._image = ipywidgets.Image(format="png", layout={"width": f"{width}px", "max_width": "100%"})
         sliders = [c for c in self.controls.values() if isinstance(c, ipywidgets.IntSlider)]
         choices = [c for c in self.controls.values() if c not in sliders]
         columns = [ipywidgets.VBox([*choices, *buttons], layout={"width": "240px"}), ipywidgets.VBox(sliders)]
-        super().__init__([self._image, ipywidgets.HBox(columns, layout={"flex_flow": "row wrap"})])
+        below = ipywidgets.HBox(columns, layout={"flex_flow": "row wrap"})
+        if in_one_column:
+            below = ipywidgets.VBox(list(self.controls.values()))
+        super().__init__([self._image, below])
         for control in self.controls.values():
             control.observe(self._redraw, "value")
         self._redraw()
@@ -339,23 +312,15 @@ class Explorer(ipywidgets.VBox):
         """The picture as it is now."""
         return self._image.value
 
+    def still(self) -> bytes:
+        """The picture as it is now, in few colours."""
+        return few_colours(io.BytesIO(self.png))
+
     def _redraw(self, _: object = None) -> None:
-        self._image.value = _png(self._draw(**self.values()))
-
-    def _repr_mimebundle_(self, **more: object) -> dict:
-        """The live widget, and beside it the picture for pages that run nothing."""
-        bundle = super()._repr_mimebundle_(**more) or {}
-        return {
-            **bundle,
-            "image/png": base64.b64encode(few_colours(io.BytesIO(self.png))).decode(),
-            "text/plain": "(sliders: run this cell)",
-        }
-
-
-def _png(picture: object) -> bytes:
-    raw = io.BytesIO()
-    picture.savefig(raw, format="png", facecolor="white", pil_kwargs={"compress_level": 1})
-    return raw.getvalue()
+        raw = io.BytesIO()
+        picture = self._draw(**self.values())
+        picture.savefig(raw, format="png", facecolor="white", pil_kwargs={"compress_level": 1})
+        self._image.value = raw.getvalue()
 
 
 def rotation_explorer(order: str = "ZXY", degrees: Sequence[float] = (35, 50, -20)) -> Explorer:
@@ -368,9 +333,7 @@ def rotation_explorer(order: str = "ZXY", degrees: Sequence[float] = (35, 50, -2
         raise MotionKitError(f"Euler order {order!r}: expected one of {', '.join(ORDERS)}")
 
     def draw(order: str, first: float, second: float, third: float) -> object:
-        from matplotlib.figure import Figure
-
-        picture = Figure(figsize=(7.6, 3.9), dpi=115)
+        picture = StaticFigure(figsize=(7.6, 3.9), dpi=115)
         plot_gimbal(order, (first, second, third), ax=picture.add_axes((0, 0, 0.53, 1)))
         write_numbers(picture, order, (first, second, third))
         return picture
@@ -427,10 +390,9 @@ def plot_turned(
     number, size = skeleton.index(joint), skeleton.height or 1.0
     carried, chain = skeleton.descendants(number), skeleton.ancestors(number)
     before, after = figures([at, turn_joint(at, joint, axis, degrees)], layout="overlay")
-    palette = [
-        colours.ROLES["result"] if j in carried[1:] else "#56616e" if j in chain else "#b9c1cb"
-        for j in range(len(skeleton))
-    ]
+    palette = ["#56616e" if j in chain else "#b9c1cb" for j in range(len(skeleton))]
+    for j in carried[1:]:
+        palette[j] = colours.ROLES["result"]
     palette[number] = palette[number] if number else "#56616e"
     view = view_axes(before.left)
     draw_floor(ax, view, np.float32([0, 0, 0]), 1.1 * size, 0.28 * size)
@@ -462,9 +424,7 @@ def fk_explorer(motion: object, joint: str | None = None, axis: str = "Z", degre
     chosen = names[motion.skeleton.index(joint)] if joint else first
 
     def draw(joint: str, axis: str, angle: float, frame: int) -> object:
-        from matplotlib.figure import Figure
-
-        picture = Figure(figsize=(7.6, 4.2), dpi=115)
+        picture = StaticFigure(figsize=(7.6, 4.2), dpi=115)
         ax = picture.add_axes((0, 0, 1, 1))
         plot_turned(motion, joint, axis, angle, frame, ax=ax)
         ax.set_xlim(*(x * motion.skeleton.height for x in (-0.74, 1.5)))  # leave room for the names
@@ -492,10 +452,107 @@ def _write_chain(picture: object, skeleton: object, joint: int) -> None:
     deep = colours.mix(colours.ROLES["result"], "#5a3d00", 0.45)
     parts = (("the chain from the root", SOFT), (chain, "#56616e"), ("\nwhat it carries", SOFT), (shown, deep))
     texts = ["\n".join(text) if isinstance(text, list) else text for text, _ in parts]
-    areas = [
-        TextArea(text, textprops={"fontsize": 9.5, "color": c, "linespacing": 1.45})
-        for text, (_, c) in zip(texts, parts)
-    ]
+    letters = {"fontsize": 9.5, "linespacing": 1.45}
+    areas = [TextArea(text, textprops={**letters, "color": ink}) for text, (_, ink) in zip(texts, parts)]
     box = AnchoredOffsetbox("upper left", child=VPacker(children=areas, pad=0, sep=4), frameon=False, pad=0,
                             bbox_to_anchor=(0.68, 0.96), bbox_transform=picture.transFigure)  # fmt: skip
     picture.add_artist(box)
+
+
+_unit = rot.normalize
+
+
+def _frame(b1: Tensor, b2: Tensor) -> Tensor:
+    """The matrix [..., 3, 3] with these two columns and their cross product."""
+    return torch.stack((b1, b2, torch.linalg.cross(b1, b2)), -1)
+
+
+def _unscaled_frame(sixd: Tensor) -> Tensor:
+    """Gram-Schmidt that measures the second column along the first before that has length 1."""
+    c1, c2 = sixd.unflatten(-1, (2, 3)).unbind(-2)
+    return _frame(_unit(c1), _unit(c2 - (c1 * c2).sum(-1, keepdim=True) * c1))
+
+
+def _rotation_pairs() -> dict[str, tuple]:
+    a, b = (_unit(seeded_randn(5, 4, seed=seed)) for seed in (0, 1))
+    same = _unit(seeded_randn(3, 4))
+    return {
+        "at the start": (a, b, 0.0),
+        "3/10 of the way": (a, b, 0.3),
+        "at the end": (a, b, 1.0),
+        "equal rotations": (same, same, 0.5),
+        "one rotation, written with both signs": (same, -same, 0.5),
+    }
+
+
+def _arc(a: Tensor, b: Tensor, t: float) -> Tensor:
+    """The formula of slerp as it stands: the long way where the product is negative, 0/0 where both are equal."""
+    angle = torch.acos((a * b).sum(-1, keepdim=True))
+    return (torch.sin((1 - t) * angle) * a + torch.sin(t * angle) * b) / torch.sin(angle)
+
+
+def _flip(a: Tensor, b: Tensor) -> Tensor:
+    return torch.where((a * b).sum(-1, keepdim=True) < 0, -b, b)
+
+
+EXERCISES = {
+    "sixd_to_matrix": Exercise(
+        rot.sixd_to_matrix,
+        cases=lambda: {
+            "random numbers": (seeded_randn(7, 6),),
+            "2, 0, 0 and 1, 1, 0": (torch.tensor([[2.0, 0, 0, 1, 1, 0]]),),
+        },
+        hints=(
+            "three columns of length 1 at right angles: which of the two given ones keeps its direction?",
+            "scale the first, take its part out of the second, scale that, and cross them; columns, not rows.",
+            "b1 = c1 / |c1|, then b2 from c2 - (b1 · c2) b1, and torch.stack((b1, b2, cross(b1, b2)), -1).",
+        ),
+        mistakes={
+            "The three vectors are the columns: stack them along the last dimension, -1.": lambda x: (
+                rot.sixd_to_matrix(x).mT
+            ),
+            "Take out of c2 its part along b1 before you scale it.": lambda x: _frame(
+                _unit(x[..., :3]), _unit(x[..., 3:])
+            ),
+            "Scale c1 to length 1 before you measure c2 along it.": _unscaled_frame,
+            "b1 × b2, in this order: the other is a mirror image.": lambda x: (
+                rot.sixd_to_matrix(x) * torch.tensor([1, 1, -1])
+            ),
+        },
+    ),
+    "slerp": Exercise(
+        rot.slerp,
+        cases=_rotation_pairs,
+        hints=(
+            "which of two arcs is the shorter one, and what if there is none?",
+            "flip b where its product with a is negative, and think of sin Ω = 0.",
+            "torch.where(sin Ω is nearly 0, a straight line, the formula), with the product clamped to at most 1.",
+        ),
+        mistakes={
+            "That is the long way round: use -b where the product of a and b is negative.": _arc,
+            "Where both are equal, sin Ω is 0: go straight there.": lambda a, b, t: _arc(a, _flip(a, b), t),
+            "A straight line cuts through the sphere: weigh a and b with sines.": lambda a, b, t: (1 - t) * a + t * b,
+            "A straight line brought back to length 1 does not turn at constant speed: weigh a and b with sines.": (
+                lambda a, b, t: _unit((1 - t) * a + t * _flip(a, b))
+            ),
+        },
+    ),
+    "swing_angle": Exercise(
+        rot.quaternion_angle,
+        cases=lambda: {
+            "random rotations": _rotation_pairs()["at the start"][:2],
+            "q and -q": (torch.eye(4)[:1], -torch.eye(4)[:1]),
+        },
+        hints=(
+            "which of the four numbers of a quaternion tells how far it turns?",
+            "w is the cosine of half the angle; q and -q are one rotation, so use the absolute value of w.",
+            "2 * acos(|a · b|), or better 2 * atan2(length of x, y, z; |w|) of the product of a's inverse and b.",
+        ),
+        mistakes={
+            "q and -q are one rotation: take |w|.": lambda a, b: 2 * torch.acos((a * b).sum(-1).clamp(-1, 1)),
+            "The arccosine of w is only half of the angle.": lambda a, b: rot.quaternion_angle(a, b) / 2,
+            "In radians, please.": lambda a, b: torch.rad2deg(rot.quaternion_angle(a, b)),
+            "The distance of the four numbers is no angle: q and -q are 2 apart.": lambda a, b: (a - b).norm(dim=-1),
+        },
+    ),
+}

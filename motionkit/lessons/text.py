@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import html
-import io
 import warnings
 from collections.abc import Sequence
 
 import ipywidgets
+import torch
 from torch import Tensor
+from torch.nn import functional
 
 from ..errors import MotionKitError
 from ..files import MotionKitWarning
@@ -17,7 +18,8 @@ from ..motion import Motion
 from ..text import similarity
 from ..viewer.figure import StillWidget
 from ..viewer.player import Player
-from ..viewer.plots import INK, SOFT, StaticFigure, few_colours, strip
+from ..viewer.plots import INK, SOFT, StaticFigure, strip
+from . import Exercise, seeded_randn
 
 _WRITTEN = 14  # rows and columns up to which numbers are written into the cells
 
@@ -94,7 +96,32 @@ PROMPT = "a person walks in depression"
 _TINTS = {"said": SOFT, "warning": "#9a6200", "error": "#b3261e"}
 
 
-class PromptBox(StillWidget, ipywidgets.HBox):
+class MessageBox(StillWidget, ipywidgets.HBox):
+    """Controls in a column on the left, under them a message, and on the right a player.
+
+    `controls`: name to widget. `message`: what stands under them.
+    """
+
+    def __init__(self, player: Player, controls: dict[str, ipywidgets.Widget], column: Sequence) -> None:
+        self.player, self.controls = player, controls
+        self._text = ipywidgets.HTML(layout={"width": "290px"})
+        left = ipywidgets.VBox([*column, self._text], layout={"width": "310px", "padding": "4px 8px 0 0"})
+        show = ipywidgets.Box([player], layout={"flex": "1 1 360px", "min_width": "300px", "display": "block"})
+        super().__init__([left, show], layout={"flex_flow": "row wrap"})
+
+    def _tell(self, kind: str, text: str) -> None:
+        """Write the message: as something said, a warning or an error."""
+        self._kind, self.message, shown = kind, text, html.escape(text)
+        self._text.value = f'<div style="color: {_TINTS[kind]}; line-height: 1.35; padding-top: 6px">{shown}</div>'
+
+    def _write_message(self, picture: StaticFigure, ink: str = SOFT) -> None:
+        """The message at the bottom of a still; ink: of what is neither a warning nor an error."""
+        text = self.message if len(self.message) < 130 else f"{self.message[:127]}..."
+        colour = ink if self._kind == "said" else _TINTS[self._kind]
+        picture.text(0.025, 0.05, text, fontsize=8.5, color=colour, va="center")
+
+
+class PromptBox(MessageBox):
     """A sentence on the left, and on the right a player with the motion that a prior makes of it.
 
     Press Enter and the player follows, and so it does at every move of a slider; "another" asks the same again from
@@ -134,26 +161,18 @@ class PromptBox(StillWidget, ipywidgets.HBox):
         seed: int = 0,
     ) -> None:
         _check_prior(prior)
-        self._prior, self._steps, self.message, self._kind = prior, steps, "", "said"
+        self._prior, self._steps = prior, steps
         scale = (GUIDANCE_SCALE if prior.guided else 1.0) if scale is None else scale
         seconds = min(4.0, prior.longest / prior.fps) if seconds is None else seconds
         self._near = _nearest(prior, prompt)
-        self.motion, told = _answer(prior, prompt, seconds=seconds, scale=scale, steps=steps, seed=seed)
-        self.controls = _controls(prior, prompt, seconds, scale, seed)
-        self.player = Player(self.motion, height=360)
-        self._text = ipywidgets.HTML(layout={"width": "290px"})
+        self.motion, message = _answer(prior, prompt, seconds=seconds, scale=scale, steps=steps, seed=seed)
+        controls = _controls(prior, prompt, seconds, scale, seed)
         self._go = _button("move", "Make a motion of this sentence", "primary")
         self._more = _button("another", "The same sentence from other noise", "")
-        left = [
-            self.controls["prompt"],
-            ipywidgets.HBox([self._go, self._more]),
-            *(self.controls[name] for name in ("seconds", "scale", "seed")),
-            self._text,
-        ]
-        column = ipywidgets.VBox(left, layout={"width": "310px", "padding": "4px 8px 0 0"})
-        show = ipywidgets.Box([self.player], layout={"flex": "1 1 360px", "min_width": "300px", "display": "block"})
-        super().__init__([column, show], layout={"flex_flow": "row wrap"})
-        self._tell(*told)
+        prompt, *numbers = controls.values()
+        column = [prompt, ipywidgets.HBox([self._go, self._more]), *numbers]
+        super().__init__(Player(self.motion, height=360), controls, column)
+        self._tell(*message)
         self._asked = self.values()
         for control in self.controls.values():
             control.observe(lambda _: self._follow(), "value")
@@ -170,19 +189,19 @@ class PromptBox(StillWidget, ipywidgets.HBox):
 
     def _follow(self) -> None:
         """Make a motion of what the controls say, unless that is what is shown."""
-        asked = self.values()
-        if asked == self._asked:
+        values = self.values()
+        if values == self._asked:
             return
-        self._asked = asked
+        self._asked = values
         self._go.disabled = self._more.disabled = True
         self._go.description = "moving ..."
         try:
-            prompt = asked.pop("prompt")
+            prompt = values.pop("prompt")
             near = _nearest(self._prior, prompt)
-            motion, told = _answer(self._prior, prompt, steps=self._steps, **asked)
+            motion, message = _answer(self._prior, prompt, steps=self._steps, **values)
             self.player.set_motions(motion)
             self.motion, self._near = motion, near
-            self._tell(*told)
+            self._tell(*message)
         except MotionKitError as error:
             self._tell("error", str(error))
         finally:
@@ -190,20 +209,16 @@ class PromptBox(StillWidget, ipywidgets.HBox):
             self._go.description, self._go.disabled, self._more.disabled = "move", False, False
 
     def _tell(self, kind: str, text: str) -> None:
-        self._kind, self.message = kind, text or self._near
-        said = html.escape(self.message)
-        self._text.value = f'<div style="color: {_TINTS[kind]}; line-height: 1.35; padding-top: 6px">{said}</div>'
+        super()._tell(kind, text or self._near)
 
     def still(self) -> bytes:
         """The sentence, poses of the motion made of it, and the message, as the bytes of a PNG."""
-        picture, raw = StaticFigure(figsize=(8.6, 3.0), dpi=100), io.BytesIO()
+        picture = StaticFigure(figsize=(8.6, 3.0), dpi=100)
         box = {"boxstyle": "round,pad=0.45", "facecolor": "white", "edgecolor": "#9aa5b1"}
         picture.text(0.035, 0.9, self.motion.name, fontsize=12, color=INK, va="center", bbox=box)
         strip(self.motion, poses=9, ax=picture.add_axes((0, 0.1, 1, 0.72)))
-        told = self.message if len(self.message) < 130 else f"{self.message[:127]}..."
-        picture.text(0.025, 0.05, told, fontsize=8.5, color=_TINTS[self._kind], va="center")
-        picture.savefig(raw, format="png", facecolor="white")
-        return few_colours(raw)
+        self._write_message(picture)
+        return picture.png()
 
 
 def _check_prior(prior: object) -> None:
@@ -218,13 +233,17 @@ def _check_prior(prior: object) -> None:
 
 def _answer(prior: object, prompt: str, **asked: object) -> tuple[Motion, tuple[str, str]]:
     """A motion of the sentence, and the kind and text of what has to be said about it."""
-    with warnings.catch_warnings(record=True) as heard:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", MotionKitWarning)
         motion = prior.generate(prompt, **asked)[0]
-    for other in (one for one in heard if not issubclass(one.category, MotionKitWarning)):
-        warnings.warn_explicit(other.message, other.category, other.filename, other.lineno)
-    told = " ".join(dict.fromkeys(str(one.message) for one in heard if issubclass(one.category, MotionKitWarning)))
-    return motion, ("warning" if told else "said", told)
+    texts = []
+    for warning in caught:
+        if issubclass(warning.category, MotionKitWarning):
+            texts.append(str(warning.message))
+        else:
+            warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
+    text = " ".join(dict.fromkeys(texts))
+    return motion, ("warning" if text else "said", text)
 
 
 def _nearest(prior: object, prompt: str) -> str:
@@ -255,3 +274,113 @@ def _controls(prior: object, prompt: str, seconds: float, scale: float, seed: in
         ),
         "seed": ipywidgets.BoundedIntText(value=seed, min=0, max=2**31 - 1, description="seed", **wide),
     }  # fmt: skip
+
+
+def _tokens() -> dict[str, tuple]:
+    """Queries, keys and values [N, D], and which tokens exist, bool [N]."""
+    q, k, v = (seeded_randn(6, 4, seed=seed) for seed in range(3))
+    there = torch.arange(6) < 4
+    return {
+        "all are there": (q, k, v, there | True),
+        "two are padding": (q, k, v, there),
+        "large numbers in the padding": (q, k + 30 * ~there[:, None], v + 1e3 * ~there[:, None], there),
+    }
+
+
+def _masked_attention(q: Tensor, k: Tensor, v: Tensor, there: Tensor) -> Tensor:
+    """What each token hears, [N, D], from the tokens that are there."""
+    return functional.scaled_dot_product_attention(q, k, v, there.expand(len(q), -1))
+
+
+def _scores(q: Tensor, k: Tensor) -> Tensor:
+    return q @ k.T / q.shape[1] ** 0.5
+
+
+def _recall_at(near: Tensor, k: int) -> Tensor:
+    """In which share of the rows of a similarity [N, N] the own column is among the k largest, 0 to 1."""
+    return ((near > near.diagonal()[:, None]).sum(1) < k).double().mean()
+
+
+def _pairs() -> dict[str, tuple]:
+    """Motions and texts [N, E] that ask for gradients, and the temperature."""
+    motions, texts = seeded_randn(6, 8), 3 * seeded_randn(6, 8, seed=1)
+    return {
+        "vectors at right angles": (torch.eye(4).requires_grad_(), torch.eye(4).requires_grad_(), 0.1),
+        "random vectors": (motions.requires_grad_(), texts.requires_grad_(), 0.5),
+    }
+
+
+def _contrastive_loss(motions: Tensor, texts: Tensor, temperature: float) -> Tensor:
+    """Cross-entropy of telling each motion's own sentence from the others of the batch."""
+    return _own_is_right(similarity(motions, texts) / temperature)
+
+
+def _own_is_right(scores: Tensor) -> Tensor:
+    """Cross-entropy of scores [N, N] in which answer n is right for question n."""
+    return functional.cross_entropy(scores, torch.arange(len(scores)))
+
+
+EXERCISES = {
+    "contrastive_loss": Exercise(
+        _contrastive_loss,
+        cases=_pairs,
+        hints=(
+            "each motion is asked which of N sentences is its own: what loss does a classifier have?",
+            "first vectors of length 1, then all products [N, N] divided by the temperature; row n is a question with "
+            "N answers, of which n is right: minus the logarithm of its share after softmax, and the mean of that.",
+            "cross_entropy of (motions @ texts.T / temperature), both scaled to length 1, with torch.arange(N).",
+        ),
+        mistakes={
+            "Cosines: scale all vectors to length 1 first.": lambda x, y, t: _own_is_right(x @ y.T / t),
+            "Divide by the temperature: a small one makes differences large.": lambda x, y, t: _contrastive_loss(
+                x, y, 1 / t
+            ),
+            "A row is a question: softmax over the sentences, dimension 1.": lambda x, y, t: _contrastive_loss(y, x, t),
+            "The mean over the batch, not the sum.": lambda x, y, t: len(x) * _contrastive_loss(x, y, t),
+            "Return the tensor: no gradient flows through a plain number.": lambda *case: _contrastive_loss(
+                *case
+            ).item(),
+        },
+    ),
+    "masked_attention": Exercise(
+        _masked_attention,
+        cases=_tokens,
+        hints=(
+            "what must a score be, so that its share after the softmax is exactly 0?",
+            "scores are q @ k.T divided by the root of D; those of tokens that are not there become minus infinity "
+            "before the softmax, not zero after it.",
+            "scores.masked_fill(~there, -torch.inf).softmax(1) @ v: a column for each one who is listened to.",
+        ),
+        mistakes={
+            "The padding is heard: the mask was not used.": lambda q, k, v, there: _scores(q, k).softmax(1) @ v,
+            "Shares that are set to 0 after the softmax leave a sum below 1: mask the scores before it.": (
+                lambda q, k, v, there: (_scores(q, k).softmax(1) * there) @ v
+            ),
+            "A score of 0 still gets a share, since exp(0) = 1: minus infinity.": lambda q, k, v, there: (
+                (_scores(q, k) * there).softmax(1) @ v
+            ),
+            "Divide the scores by the root of D.": lambda q, k, v, there: _masked_attention(2 * q, k, v, there),
+        },
+    ),
+    "recall_at": Exercise(
+        _recall_at,
+        cases=lambda: {
+            "all right": (torch.eye(5), 1),
+            "random, k = 1": (seeded_randn(12, 12, seed=8), 1),
+            "random, k = 3": (seeded_randn(12, 12, seed=8), 3),
+            "rows and columns changed, k = 3": (seeded_randn(12, 12, seed=8).T, 3),
+        },
+        hints=(
+            "for one motion, and its row of N numbers: when is it a hit?",
+            "row n is motion n, and its own sentence is column n; count how many in the row are nearer than that, and "
+            "see whether they are fewer than k; the answer is a share from 0 to 1.",
+            "near.topk(k, dim=1).indices == torch.arange(N)[:, None] has a True in the rows that are hits.",
+        ),
+        mistakes={
+            "Motions are rows: sort along dimension 1.": lambda near, k: _recall_at(near.T, k),
+            "Among the k nearest: k - 1 others may be nearer, not k.": lambda near, k: _recall_at(near, k + 1),
+            "The nearest have the largest similarity, not the least.": lambda near, k: _recall_at(-near, k),
+            "A share from 0 to 1, not per cent.": lambda near, k: 100 * _recall_at(near, k),
+        },
+    ),
+}

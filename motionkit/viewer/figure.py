@@ -1,12 +1,9 @@
-"""The kit's colours: limbs by side, characters by role. Every picture takes them from here.
-
-All are told apart with the common forms of colour blindness: they come from the Okabe-Ito set, made a little calmer,
-and differ in lightness as well as in hue.
-"""
+"""Motions as figures ready to be drawn: bones, sizes and places; drawn with matplotlib, or packed for the browser."""
 
 from __future__ import annotations
 
 import base64
+import html
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import MotionKitError, motion_inside
-from .colours import CONTACT, limb_colours, mix, role_colour
+from .colours import CONTACT, ROLES, limb_colours, mix, role_colour
 
 LAYOUTS = ("side", "treadmill", "overlay")
 
@@ -65,16 +62,16 @@ def as_list(motions: object) -> list:
     ...
     motionkit.errors.MotionKitError: nothing to show: expected a motion or a list of motions, found an empty list
     """
-    found = list(motions) if isinstance(motions, (list, tuple)) else [motions]
-    if not found:
+    shown = list(motions) if isinstance(motions, (list, tuple)) else [motions]
+    if not shown:
         raise MotionKitError("nothing to show: expected a motion or a list of motions, found an empty list")
-    for m in found:
+    for m in shown:
         if not hasattr(m, "positions") or not hasattr(m, "skeleton"):
             hint = motion_inside(m) or "; read a file with motionkit.load(path)"
             raise MotionKitError(f"expected a Motion, found {type(m).__name__}{hint}")
         if len(m) == 0:
             raise MotionKitError(f"motion {m.name!r} has no frames; expected at least one to show")
-    return found
+    return shown
 
 
 def per_motion(values: Sequence | None, count: int, what: str) -> list:
@@ -85,10 +82,19 @@ def per_motion(values: Sequence | None, count: int, what: str) -> list:
     """
     if values is None:
         return [None] * count
-    found = [values] if isinstance(values, str) else list(values)
-    if len(found) != count:
-        raise MotionKitError(f"{what}: expected {count}, one for each motion; found {len(found)}")
-    return found
+    entries = [values] if isinstance(values, str) else list(values)
+    if len(entries) != count:
+        raise MotionKitError(f"{what}: expected {count}, one for each motion; found {len(entries)}")
+    return entries
+
+
+def label_texts(motions: object, labels: Sequence | None, roles: Sequence | None) -> list:
+    """A text or None for each motion: the labels given; left out, the role or name where there are several."""
+    shown = as_list(motions)
+    texts = per_motion(labels, len(shown), "labels")
+    if labels is not None or len(shown) == 1:
+        return texts
+    return [role if role in ROLES else m.name for m, role in zip(shown, per_motion(roles, len(shown), "roles"))]
 
 
 def figures(motions: object, *, roles: Sequence | None = None, layout: str = "side") -> list[Figure]:
@@ -98,14 +104,14 @@ def figures(motions: object, *, roles: Sequence | None = None, layout: str = "si
     without their way over the floor, so that those who run do not run away; "overlay" leaves each where it is. The
     floor (y = 0) is left as it is.
     """
-    found = as_list(motions)
+    shown = as_list(motions)
     if layout not in LAYOUTS:
         raise MotionKitError(f"layout {layout!r}: expected one of {', '.join(LAYOUTS)}")
-    roles = per_motion(roles, len(found), "roles")
-    made = [_figure(m, role, n) for n, (m, role) in enumerate(zip(found, roles))]
+    roles = per_motion(roles, len(shown), "roles")
+    placed = [_figure(m, role, n) for n, (m, role) in enumerate(zip(shown, roles))]
     if layout == "treadmill":
-        made = [_on_a_treadmill(figure) for figure in made]
-    return _beside(made) if layout != "overlay" and len(made) > 1 else made
+        placed = [_on_a_treadmill(figure) for figure in placed]
+    return _beside(placed) if layout != "overlay" and len(placed) > 1 else placed
 
 
 def _figure(motion: object, role: str | None, index: int) -> Figure:
@@ -181,8 +187,8 @@ def joint_radii(
 
 def _head(names: Sequence[str], parents: Sequence[int]) -> int:
     """The joint that carries the head: named so, and nothing but a bone end (a crown, eyes, a jaw) beyond it."""
-    found = [j for j, n in enumerate(names) if "head" in n.lower() and parents[j] >= 0]
-    return found[0] if found else -1
+    heads = [j for j, n in enumerate(names) if "head" in n.lower() and parents[j] >= 0]
+    return heads[0] if heads else -1
 
 
 def left_mask(points: np.ndarray, sides: Sequence[str], parents: Sequence[int]) -> np.ndarray:
@@ -194,10 +200,10 @@ def left_mask(points: np.ndarray, sides: Sequence[str], parents: Sequence[int]) 
     is_left, is_right = (np.array([m and s == side for s, m in zip(sides, met)]) for side in ("left", "right"))
     across = np.tile(np.float32([1, 0, 0]), (len(points), 1))
     if is_left.any() and is_right.any():
-        found = points[:, is_left].mean(axis=1) - points[:, is_right].mean(axis=1)
-        found[:, 1] = 0
-        length = np.linalg.norm(found, axis=-1, keepdims=True)
-        across = np.where(length > 1e-4, found / np.maximum(length, 1e-4), across)
+        across_body = points[:, is_left].mean(axis=1) - points[:, is_right].mean(axis=1)
+        across_body[:, 1] = 0
+        length = np.linalg.norm(across_body, axis=-1, keepdims=True)
+        across = np.where(length > 1e-4, across_body / np.maximum(length, 1e-4), across)
     return across.astype(np.float32)
 
 
@@ -211,19 +217,19 @@ def _on_a_treadmill(figure: Figure) -> Figure:
     return replace(figure, points=(figure.points - smooth[:, None]).astype(np.float32))
 
 
-def _beside(made: list[Figure]) -> list[Figure]:
+def _beside(placed: list[Figure]) -> list[Figure]:
     """Figures moved so that they start on one line, a distance apart that follows from how wide they move."""
-    across = made[0].left
+    across = placed[0].left
     widths = []
-    for f in made:
+    for f in placed:
         sideways = f.points[:, f.drawn] @ across
         widths.append(float(np.clip(sideways.max() - sideways.min(), 0.62 * f.size, 1.15 * f.size)))
     step = 1.12 * max(widths)
     moved = []
-    for n, f in enumerate(made):
+    for n, f in enumerate(placed):
         start = f.points[0, f.drawn].mean(axis=0) * np.float32([1, 0, 1])
         # The first stands at the left of a viewer who faces it, which is at its own right hand.
-        place = across * np.float32(step * (n - (len(made) - 1) / 2))
+        place = across * np.float32(step * (n - (len(placed) - 1) / 2))
         moved.append(replace(f, points=f.points - start + place))
     return moved
 
@@ -238,9 +244,8 @@ def view_axes(left: np.ndarray, turn: float = TURN, rise: float = RISE) -> np.nd
     back = np.cos(turn) * front + np.sin(turn) * left
     right = np.cos(turn) * left - np.sin(turn) * front
     up = np.array([0.0, 1.0, 0.0])
-    return np.stack([right, np.cos(rise) * up - np.sin(rise) * back, np.cos(rise) * back + np.sin(rise) * up]).astype(
-        np.float32
-    )
+    rows = [right, np.cos(rise) * up - np.sin(rise) * back, np.cos(rise) * back + np.sin(rise) * up]
+    return np.stack(rows).astype(np.float32)
 
 
 def cone_outline(a: np.ndarray, b: np.ndarray, ra: float, rb: float) -> np.ndarray:
@@ -268,16 +273,16 @@ def draw_figure(
     """Draws one pose [J, 3] into matplotlib axes, moved `shift` to the right; far limbs first, and paler."""
     from matplotlib.collections import PolyCollection
 
-    seen = pose @ axes.T + np.float32([shift, 0, 0])
+    view = pose @ axes.T + np.float32([shift, 0, 0])
     _shadow(ax, figure, pose, axes, shift, zorder - 0.5)
-    parts = [(seen[p], seen[c], figure.radii[p], figure.radii[c], figure.colours[c]) for p, c in figure.bones]
+    parts = [(view[p], view[c], figure.radii[p], figure.radii[c], figure.colours[c]) for p, c in figure.bones]
     if not parts:
-        parts = [(seen[j], seen[j], figure.radii[j], figure.radii[j], figure.colours[j]) for j in figure.drawn]
+        parts = [(view[j], view[j], figure.radii[j], figure.radii[j], figure.colours[j]) for j in figure.drawn]
     if figure.head >= 0:
-        neck = seen[figure.parents[figure.head]]
-        along = seen[figure.head] - neck
+        neck = view[figure.parents[figure.head]]
+        along = view[figure.head] - neck
         along = along / max(float(np.linalg.norm(along)), 1e-6) * figure.head_radius
-        at, r = seen[figure.head], figure.head_radius
+        at, r = view[figure.head], figure.head_radius
         parts.append((at + 0.55 * along, at + 1.15 * along, 0.86 * r, r, figure.colours[figure.head]))
     parts.sort(key=lambda part: part[0][2] + part[1][2])
     middle = float(np.mean([part[0][2] + part[1][2] for part in parts])) / 2
@@ -301,9 +306,9 @@ def _shadow(ax: object, figure: Figure, pose: np.ndarray, axes: np.ndarray, shif
 
     flat = pose.copy()
     flat[:, 1] = 0.0
-    seen = flat @ axes.T + np.float32([shift, 0, 0])
+    view = flat @ axes.T + np.float32([shift, 0, 0])
     pairs = figure.bones or tuple((j, j) for j in figure.drawn)
-    shapes = [cone_outline(seen[p, :2], seen[c, :2], 0.7 * figure.radii[p], 0.7 * figure.radii[c]) for p, c in pairs]
+    shapes = [cone_outline(view[p, :2], view[c, :2], 0.7 * figure.radii[p], 0.7 * figure.radii[c]) for p, c in pairs]
     squash = [s * [1, 0.35] + [0, 0.65 * s[:, 1].mean()] for s in shapes]
     ax.add_collection(PolyCollection(squash, facecolors="#dde1e7", edgecolors="none", zorder=zorder))
 
@@ -318,9 +323,7 @@ def draw_floor(ax: object, axes: np.ndarray, middle: np.ndarray, reach: float, t
     for i in range(-count, count + 1):
         for k in range(-count, count + 1):
             x, z = (x0 + i) * tile, (z0 + k) * tile
-            corners = np.array(
-                [[x, 0, z], [x + tile, 0, z], [x + tile, 0, z + tile], [x, 0, z + tile]], dtype=np.float32
-            )
+            corners = np.float32([[x, 0, z], [x + tile, 0, z], [x + tile, 0, z + tile], [x, 0, z + tile]])
             far = np.hypot(x + tile / 2 - middle[0], z + tile / 2 - middle[2]) / reach
             if far < 1:
                 tone = "#dfe4eb" if (x0 + i + z0 + k) % 2 else "#eef1f5"
@@ -345,7 +348,31 @@ class StillWidget:
         return {**bundle, "image/png": png, "text/plain": told}
 
 
-STEPS = 32767
+class HiddenStill:
+    """To be named before a widget's class: after the live view comes a picture that it hides, `still()`.
+
+    The widget gives `_still`, a name, and `_view`, the CSS class of its live view.
+    """
+
+    def _repr_mimebundle_(self, **_: object) -> dict:
+        view = {"version_major": 2, "version_minor": 0, "model_id": self.model_id}
+        return {"application/vnd.jupyter.widget-view+json": view, "text/plain": repr(self)}
+
+    def _ipython_display_(self, **_: object) -> None:
+        """Shows the live view and a still that it hides: the still is what a page without a kernel shows."""
+        from IPython.display import display
+
+        # JupyterLab without a kernel puts a line of complaint in the view's place. In a notebook that was run here, and
+        # is trusted, this rule takes it away; as long as a live view is there, its own rule hides this still instead.
+        place = f".jp-OutputArea-child:not(:has(.{self._view})):has(+ .jp-OutputArea-child .{self._still})"
+        source, text = base64.b64encode(self.still()).decode(), html.escape(repr(self))
+        image = f'<img alt="{text}" src="data:image/png;base64,{source}" style="max-width: 100%">'
+        still = f'<style>{place} {{ display: none; }}</style><div class="{self._still}">{image}</div>'
+        display(self._repr_mimebundle_(), raw=True)
+        display({"text/html": still, "text/plain": "(still picture)"}, raw=True)
+
+
+_STEPS = 32767  # what a 16-bit number holds
 
 
 def encode_scene(
@@ -354,7 +381,6 @@ def encode_scene(
     labels: Sequence[str | None],
     trails: Sequence[str] = (),
     contacts: Sequence | None = None,
-    follow: bool = True,
 ) -> bytes:
     """Figures as the bytes that `player.js` reads.
 
@@ -362,18 +388,19 @@ def encode_scene(
     number and bool array [F].
     """
     blocks: list[bytes] = []
-    head = {"motions": [], "follow": follow, "contact": CONTACT}
-    marks = contacts if contacts is not None else [None] * len(figures)
-    for figure, label, mark in zip(figures, labels, marks):
-        head["motions"].append(_describe(figure, label, trails, mark or [], blocks))
-    return _join(head, blocks)
+    head = {"motions": [], "follow": True, "contact": CONTACT}
+    for figure, label, marks in zip(figures, labels, contacts or [None] * len(figures)):
+        head["motions"].append(_describe(figure, label, trails, marks or [], blocks))
+    text = json.dumps(head, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    return len(text).to_bytes(4, "little") + text + b"".join(blocks)
 
 
 def _describe(figure: Figure, label: str | None, trails: Sequence[str], marks: Sequence, blocks: list[bytes]) -> dict:
     root = figure.points[:, 0]
     around = figure.points - root[:, None]
-    scale = max(float(np.abs(around).max()), 1e-6) / STEPS
-    known = [figure.names.index(n) for n in trails if n in figure.names]
+    scale = max(float(np.abs(around).max()), 1e-6) / _STEPS
+    trailing = [figure.names.index(n) for n in trails if n in figure.names]
     return {
         "label": label or "",
         "name": figure.name,
@@ -391,7 +418,7 @@ def _describe(figure: Figure, label: str | None, trails: Sequence[str], marks: S
         "headParent": figure.parents[figure.head] if figure.head >= 0 else -1,
         "headRadius": round(figure.head_radius, 4),
         "left": [round(float(x), 4) for x in figure.left],
-        "trails": known,
+        "trails": trailing,
         "marks": [j for j, _ in marks],
         "root": _add(blocks, root.astype("<f4")),
         "around": _add(blocks, np.rint(around / scale).astype("<i2")),
@@ -407,36 +434,31 @@ def _add(blocks: list[bytes], array: np.ndarray) -> int:
     return place
 
 
-def _join(head: dict, blocks: Sequence[bytes]) -> bytes:
-    text = json.dumps(head, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    return len(text).to_bytes(4, "little") + text + b"".join(blocks)
-
-
 def decode_scene(data: bytes) -> tuple[dict, list[np.ndarray]]:
     """The header and each motion's positions [F, J, 3]: what the browser reads, for tests and tools."""
     length = int.from_bytes(data[:4], "little")
     head = json.loads(data[4 : 4 + length])
-    body, found = data[4 + length :], []
+    body, points = data[4 + length :], []
     for m in head["motions"]:
         frames, joints = m["frames"], m["joints"]
         root = np.frombuffer(body, "<f4", frames * 3, m["root"]).reshape(frames, 1, 3)
         around = np.frombuffer(body, "<i2", frames * joints * 3, m["around"]).reshape(frames, joints, 3)
-        found.append(root + around * np.float32(m["scale"]))
-    return head, found
+        points.append(root + around * np.float32(m["scale"]))
+    return head, points
 
 
-def contact_marks(figure: Figure, given: object) -> list[tuple[int, np.ndarray]]:
+def contact_marks(figure: Figure, contacts: object) -> list[tuple[int, np.ndarray]]:
     """Contacts as pairs (joint number, bool [F]).
 
-    given: None; a dict from joint name to bool [F]; a pair (joint names or numbers, bool [F, K]); or, where every joint
-    has a column, a bool [F, J] alone.
+    contacts: None; a dict from joint name to bool [F]; a pair (joint names or numbers, bool [F, K]); or, where every
+    joint has a column, a bool [F, J] alone.
     """
-    if given is None:
+    if contacts is None:
         return []
-    if isinstance(given, dict):
-        return [(_joint(figure, n), _column(figure, v)) for n, v in given.items()]
-    names, table = given if isinstance(given, (tuple, list)) and len(given) == 2 else (range(len(figure.names)), given)
+    if isinstance(contacts, dict):
+        return [(_joint(figure, n), _column(figure, v)) for n, v in contacts.items()]
+    paired = isinstance(contacts, (tuple, list)) and len(contacts) == 2
+    names, table = contacts if paired else (range(len(figure.names)), contacts)
     table = _array(table)
     names = list(names)
     if table.ndim != 2 or table.shape != (len(figure.points), len(names)):
@@ -464,8 +486,3 @@ def _column(figure: Figure, values: object) -> np.ndarray:
     if len(column) != len(figure.points):
         raise MotionKitError(f"contacts of {figure.name!r}: expected {len(figure.points)} frames, found {len(column)}")
     return column
-
-
-def inline(data: bytes) -> str:
-    """Bytes as base64 text."""
-    return base64.b64encode(data).decode()

@@ -15,7 +15,7 @@ import traitlets
 
 from ..errors import MotionKitError
 from ..files import write_atomic
-from .figure import as_list, contact_marks, encode_scene, figures, inline, per_motion
+from .figure import HiddenStill, as_list, contact_marks, encode_scene, figures, label_texts, per_motion
 
 _JS = Path(__file__).parent / "js"
 _PARTS = ("stage.js", "camera.js", "shaders.js", "gl.js", "flat.js", "view.js")
@@ -36,36 +36,33 @@ def prepare(
     contacts: object = None,
 ) -> bytes:
     """Motions and what to show with them as the bytes that the browser reads; see `Player` for the arguments."""
-    found = as_list(motions)
-    made = figures(found, roles=roles, layout=layout)
-    texts = per_motion(labels, len(made), "labels")
-    if labels is None and len(made) > 1:
-        texts = [role if role in ("content", "style", "result") else m.name for m, role in zip(found, roles or texts)]
+    shown = as_list(motions)
+    placed = figures(shown, roles=roles, layout=layout)
+    texts = label_texts(shown, labels, roles)
     trails = (trails,) if isinstance(trails, str) else tuple(trails)
     for name in trails:
-        if not any(name in f.names for f in made):
-            raise MotionKitError(f"trails: no joint {name!r}; joints: {', '.join(made[0].names)}")
-    given = contacts if isinstance(contacts, list) else [contacts if isinstance(contacts, bool) else None] * len(made)
-    if contacts is not None and not isinstance(contacts, (list, bool)):
-        given = [contacts]
-    given = per_motion(given, len(made), "contacts")
-    marks = [contact_marks(f, _feet(m, c)) for m, f, c in zip(found, made, given)]
-    return encode_scene(made, labels=texts, trails=trails, contacts=marks)
+        if not any(name in f.names for f in placed):
+            raise MotionKitError(f"trails: no joint {name!r}; joints: {', '.join(placed[0].names)}")
+    if contacts is None or isinstance(contacts, bool):
+        contacts = [contacts] * len(placed)
+    contacts_of_each = per_motion(contacts if isinstance(contacts, list) else [contacts], len(placed), "contacts")
+    marks = [contact_marks(f, _feet(m, c)) for m, f, c in zip(shown, placed, contacts_of_each)]
+    return encode_scene(placed, labels=texts, trails=trails, contacts=marks)
 
 
-def _feet(motion: object, given: object) -> object:
+def _feet(motion: object, contacts: object) -> object:
     """Contacts by name where they were asked for (True) or given as the tensor of `contacts.foot_contacts`."""
     from ..contacts import feet_of, foot_contacts
 
-    if given is None or given is False:
+    if contacts is None or contacts is False:
         return None
-    if given is True:
+    if contacts is True:
         return feet_of(motion), foot_contacts(motion)
-    alone = hasattr(given, "shape") and len(given.shape) == 2 and given.shape[1] != len(motion.skeleton.names)
-    return (feet_of(motion), given) if alone else given
+    alone = hasattr(contacts, "shape") and len(contacts.shape) == 2 and contacts.shape[1] != len(motion.skeleton.names)
+    return (feet_of(motion), contacts) if alone else contacts
 
 
-class Player(anywidget.AnyWidget):
+class Player(HiddenStill, anywidget.AnyWidget):
     """A live 3D player for one motion or several.
 
     motions: a Motion or a list of them; different lengths, frame rates and skeletons play together by time.
@@ -94,6 +91,7 @@ class Player(anywidget.AnyWidget):
 
     _esm = script("player.js", "widget.js")
     _css = (_JS / "player.css").read_text(encoding="utf-8")
+    _view = "mk-player"
     _data = traitlets.Bytes().tag(sync=True)
     _still = traitlets.Unicode().tag(sync=True)
     height = traitlets.Int(420).tag(sync=True)
@@ -116,13 +114,7 @@ class Player(anywidget.AnyWidget):
         speed: float = 1.0,
         autoplay: bool = True,
     ) -> None:
-        self._shown = {
-            "labels": labels,
-            "roles": roles,
-            "layout": layout,
-            "trails": trails,
-            "contacts": contacts,
-        }
+        self._shown = {"labels": labels, "roles": roles, "layout": layout, "trails": trails, "contacts": contacts}
         self._motions = as_list(motions)
         super().__init__(
             _data=prepare(self._motions, **self._shown),
@@ -167,13 +159,13 @@ class Player(anywidget.AnyWidget):
         wrong = sorted(set(changes) - set(self._shown))
         if wrong:
             raise MotionKitError(f"set_motions: unknown {', '.join(wrong)}; known: {', '.join(self._shown)}")
-        found = as_list(motions)
-        kept = {**self._shown, "contacts": None}
-        if len(found) != len(self._motions):
-            kept.update(labels=None, roles=None)
-        shown = {**kept, **changes}
-        data = prepare(found, **shown)
-        self._motions, self._shown = found, shown
+        replacing = as_list(motions)
+        looks = {**self._shown, "contacts": None}
+        if len(replacing) != len(self._motions):
+            looks.update(labels=None, roles=None)
+        shown = {**looks, **changes}
+        data = prepare(replacing, **shown)
+        self._motions, self._shown = replacing, shown
         self._data = data
         self.frame = min(self.frame, self.frame_count - 1)
 
@@ -198,35 +190,9 @@ class Player(anywidget.AnyWidget):
         ]
         return f"Player({'; '.join(sizes)})"
 
-    def _repr_mimebundle_(self, **_: object) -> dict:
-        view = {"version_major": 2, "version_minor": 0, "model_id": self.model_id}
-        return {"application/vnd.jupyter.widget-view+json": view, "text/plain": repr(self)}
-
-    def _ipython_display_(self, **_: object) -> None:
-        """Shows the live view and a still that it hides: the still is what a page without a kernel shows."""
-        from IPython.display import display
-
-        display(self._repr_mimebundle_(), raw=True)
-        display(
-            {
-                "text/html": _still_html(self.still(), self._still, repr(self)),
-                "text/plain": "(still picture)",
-            },
-            raw=True,
-        )
-
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-def _still_html(png: bytes, name: str, text: str) -> str:
-    # JupyterLab without a kernel puts a line of complaint in the view's place. In a notebook that was run here, and is
-    # trusted, this rule takes it away; as long as a live view is there, that view's own rule hides this still instead.
-    rule = f".jp-OutputArea-child:not(:has(.mk-player)):has(+ .jp-OutputArea-child .{name}) {{ display: none; }}"
-    source = base64.b64encode(png).decode()
-    image = f'<img alt="{html.escape(text)}" src="data:image/png;base64,{source}" style="max-width: 100%">'
-    return f'<style>{rule}</style><div class="{name}">{image}</div>'
 
 
 def save_html(
@@ -249,7 +215,7 @@ def _write_page(data: bytes, path: str | os.PathLike, title: str, values: dict) 
         "css": (_JS / "player.css").read_text(encoding="utf-8"),
         "script": script("player.js", "page.js"),
         "values": json.dumps({"frame": 0, "playing": True, **values}),
-        "data": inline(data),
+        "data": base64.b64encode(data).decode(),
     }
     for name, text in filled.items():
         page = page.replace(f"<!--{name}-->", text, 1)

@@ -11,7 +11,18 @@ from matplotlib.figure import Figure as Picture
 
 from ..errors import MotionKitError
 from . import colours
-from .figure import TURN, Figure, as_list, draw_figure, draw_floor, figures, left_mask, per_motion, view_axes
+from .figure import (
+    TURN,
+    Figure,
+    as_list,
+    draw_figure,
+    draw_floor,
+    figures,
+    label_texts,
+    left_mask,
+    per_motion,
+    view_axes,
+)
 
 INK, SOFT = "#39424e", "#7a8491"
 
@@ -19,16 +30,32 @@ INK, SOFT = "#39424e", "#7a8491"
 class StaticFigure(Picture):
     """A matplotlib Figure that notebooks show by itself, without pyplot and the figures it keeps."""
 
-    def _repr_png_(self) -> bytes:
+    def png(self) -> bytes:
+        """The bytes of a PNG with few colours."""
+        return few_colours(self._raw())
+
+    def jpeg(self) -> bytes:
+        """The bytes of a JPEG."""
+        from PIL import Image
+
+        small = io.BytesIO()
+        with Image.open(self._raw()) as image:
+            image.convert("RGB").save(small, format="jpeg", quality=80, optimize=True)
+        return small.getvalue()
+
+    def _raw(self) -> io.BytesIO:
         raw = io.BytesIO()
         self.savefig(raw, format="png", facecolor="white")
-        return few_colours(raw)
+        return raw
+
+    def _repr_png_(self) -> bytes:
+        return self.png()
 
     def _ipython_display_(self) -> None:
         """Goes before the way in which pyplot, once imported, shows figures: its pictures are ten times as large."""
         from IPython.display import display
 
-        picture = base64.b64encode(self._repr_png_()).decode()
+        picture = base64.b64encode(self.png()).decode()
         display({"image/png": picture, "text/plain": repr(self)}, raw=True)
 
 
@@ -59,7 +86,7 @@ def strip(
     times = np.linspace(0, max(f.end for f in rows), poses)
     for row, character in enumerate(rows):
         _strip_row(ax, character, times, step, -row * high)
-    _strip_texts(ax, _labels(motions, labels, roles), [f.role if roles else None for f in rows], times, step, high)
+    _strip_texts(ax, label_texts(motions, labels, roles), [f.role if roles else None for f in rows], times, step, high)
     ax.set_xlim(-0.75 * step, (poses - 0.45) * step)
     ax.set_ylim(-(len(rows) - 1) * high - 0.2 * high, 0.97 * high)
     ax.set_aspect("equal")
@@ -82,9 +109,9 @@ def _spacing(rows: Sequence[Figure]) -> tuple[float, float]:
     """The distance between poses and between rows, metres."""
     wide, high = 0.0, 0.0
     for f in rows:
-        seen = (f.points[:, f.drawn] - _middles(f)[:, None]) @ view_axes(f.left).T
-        wide = max(wide, 2 * float(np.percentile(np.abs(seen[..., 0]), 98)))
-        high = max(high, float(seen[..., 1].max()) + 2 * f.head_radius)
+        view = (f.points[:, f.drawn] - _middles(f)[:, None]) @ view_axes(f.left).T
+        wide = max(wide, 2 * float(np.percentile(np.abs(view[..., 0]), 98)))
+        high = max(high, float(view[..., 1].max()) + 2 * f.head_radius)
     size = max(f.size for f in rows)
     return max(1.05 * wide, 0.42 * size), max(1.18 * high, 0.3 * size)
 
@@ -95,22 +122,12 @@ def _middles(figure: Figure) -> np.ndarray:
 
 
 def _strip_row(ax: object, figure: Figure, times: np.ndarray, step: float, base: float) -> None:
-    ax.plot(
-        [-0.5 * step, (len(times) - 0.5) * step],
-        [base, base],
-        color="#c5ccd5",
-        lw=0.8,
-        zorder=0,
-        solid_capstyle="round",
-    )
-    for n, time in enumerate(times):
-        if time > figure.end + 1e-6:
-            continue
+    ground = [-0.5 * step, (len(times) - 0.5) * step]
+    ax.plot(ground, [base, base], color="#c5ccd5", lw=0.8, zorder=0, solid_capstyle="round")
+    for n, time in enumerate(times[times <= figure.end + 1e-6]):
         pose = figure.at(time)
         middle = pose[list(figure.drawn)].mean(axis=0) * np.float32([1, 0, 1])
-        axes = view_axes(figure.left)
-        lifted = pose - middle
-        draw_figure(_Lifted(ax, base), figure, lifted, axes, n * step, zorder=2 + 0.01 * n)
+        draw_figure(_Lifted(ax, base), figure, pose - middle, view_axes(figure.left), n * step, zorder=2 + 0.01 * n)
 
 
 class _Lifted:
@@ -140,31 +157,31 @@ def still(
 
     It is what `Player` leaves on a page that runs nothing. A motion that ended before holds its last pose.
     """
-    made = figures(motions, roles=roles, layout=layout)
-    texts = _labels(motions, labels, roles, single=labels is not None)
-    time = frame / made[0].fps
-    axes = view_axes(made[0].left, TURN if len(made) == 1 else 0.36)
-    poses = [f.at(time) for f in made]
+    shown = figures(motions, roles=roles, layout=layout)
+    texts = label_texts(motions, labels, roles)
+    time = frame / shown[0].fps
+    axes = view_axes(shown[0].left, TURN if len(shown) == 1 else 0.36)
+    poses = [f.at(time) for f in shown]
     ax, picture = _axes(ax, (7.6, 3.8))
-    everywhere = np.concatenate([p[list(f.drawn)] for p, f in zip(poses, made)])
-    size = max(f.size for f in made)
+    everywhere = np.concatenate([p[list(f.drawn)] for p, f in zip(poses, shown)])
+    size = max(f.size for f in shown)
     middle = (everywhere.max(axis=0) + everywhere.min(axis=0)) / 2 * np.float32([1, 0, 1])
     spread = float(np.ptp(everywhere @ axes[0])) + 3.2 * size
     draw_floor(ax, axes, middle, spread * 0.75, 0.5 if size > 0.5 else size / 3)
-    order = sorted(range(len(made)), key=lambda n: float((poses[n] @ axes[2]).mean()))
+    order = sorted(range(len(shown)), key=lambda n: float((poses[n] @ axes[2]).mean()))
     for rank, n in enumerate(order):
-        draw_figure(ax, made[n], poses[n], axes, zorder=2 + rank)
+        draw_figure(ax, shown[n], poses[n], axes, zorder=2 + rank)
         if texts[n]:
-            seen = poses[n][list(made[n].drawn)] @ axes.T
-            place = seen[:, 0].mean(), seen[:, 1].max() + 0.2 * size
+            view = poses[n][list(shown[n].drawn)] @ axes.T
+            place = view[:, 0].mean(), view[:, 1].max() + 0.2 * size
             ax.text(*place, texts[n], ha="center", fontsize=9, color=INK, zorder=20)
     _frame_still(ax, everywhere @ axes.T, size)
     return picture
 
 
-def _frame_still(ax: object, seen: np.ndarray, size: float) -> None:
+def _frame_still(ax: object, points: np.ndarray, size: float) -> None:
     """Fits the view around what is seen, [N, 3], and fills the picture's whole shape with it."""
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    low, high = points.min(axis=0), points.max(axis=0)
     box = ax.get_window_extent()
     ratio = box.width / max(box.height, 1)
     tall = max(high[1] - low[1] + 0.42 * size, (high[0] - low[0] + 0.8 * size) / ratio)
@@ -177,24 +194,18 @@ def _frame_still(ax: object, seen: np.ndarray, size: float) -> None:
 
 def still_png(motions: object, frame: int = 0, *, pixels: tuple[int, int] = (760, 380), **shown: object) -> bytes:
     """`still` as the bytes of a PNG with 128 colours, 10 to 30 KB. pixels: width and height."""
-    return few_colours(_draw(motions, frame, pixels, shown))
+    return _still_figure(motions, frame, pixels, shown).png()
 
 
 def still_jpeg(motions: object, frame: int = 0, *, pixels: tuple[int, int] = (760, 380), **shown: object) -> bytes:
     """`still` as the bytes of a JPEG, about 20 KB. pixels: width and height."""
-    from PIL import Image
-
-    small = io.BytesIO()
-    with Image.open(_draw(motions, frame, pixels, shown)) as image:
-        image.convert("RGB").save(small, format="jpeg", quality=80, optimize=True)
-    return small.getvalue()
+    return _still_figure(motions, frame, pixels, shown).jpeg()
 
 
-def _draw(motions: object, frame: int, pixels: tuple[int, int], shown: dict) -> io.BytesIO:
-    picture, raw = Picture(figsize=(pixels[0] / 100, pixels[1] / 100), dpi=100), io.BytesIO()
+def _still_figure(motions: object, frame: int, pixels: tuple[int, int], shown: dict) -> StaticFigure:
+    picture = StaticFigure(figsize=(pixels[0] / 100, pixels[1] / 100), dpi=100)
     still(motions, frame, ax=picture.add_axes((0, 0, 1, 1)), **shown)
-    picture.savefig(raw, format="png", facecolor="white")
-    return raw
+    return picture
 
 
 def few_colours(raw: io.BytesIO) -> bytes:
@@ -224,7 +235,7 @@ def plot_trajectory(
     if every <= 0:
         raise MotionKitError(f"plot_trajectory: expected every > 0 seconds, found {every}")
     ax, picture = _axes(ax, (4.2, 4.2))
-    texts = _labels(motions, labels, roles)
+    texts = label_texts(motions, labels, roles)
     for motion, figure, text in zip(as_list(motions), figures(motions, roles=roles, layout="overlay"), texts):
         _path(ax, figure, left_mask(figure.points, motion.skeleton.sides, figure.parents), text, every)
     ax.set_xlabel("x (m)")
@@ -299,12 +310,3 @@ def _axes(ax: object, inches: tuple[float, float]) -> tuple[object, object]:
         return ax, ax.figure
     picture = StaticFigure(figsize=inches, dpi=110, layout="constrained")
     return picture.add_subplot(), picture
-
-
-def _labels(motions: object, labels: Sequence[str] | None, roles: Sequence[str] | None, single: bool = False) -> list:
-    """Texts for motions: those given, else the role or name where there are several."""
-    found = as_list(motions)
-    given = per_motion(labels, len(found), "labels")
-    if labels is not None or (len(found) == 1 and not single):
-        return given
-    return [role if role in colours.ROLES else m.name for m, role in zip(found, per_motion(roles, len(found), "roles"))]

@@ -9,8 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from ..errors import MotionKitError
-from . import colours
-from .figure import Figure, as_list, figures, per_motion
+from .figure import Figure, as_list, figures, label_texts
 
 MIME = "application/vnd.plotly.v1+json"
 FRAMES = 48
@@ -60,57 +59,37 @@ def scene(
     """
     if frames < 1 or (stride is not None and stride < 1):
         raise MotionKitError(f"scene: expected frames and stride of at least 1, found frames={frames}, stride={stride}")
-    made = figures(motions, roles=roles, layout=layout)
-    end, times = _moments_shown(made, frames, stride)
-    texts = per_motion(labels, len(made), "labels")
-    if labels is None and len(made) > 1:
-        given = per_motion(roles, len(made), "roles")
-        texts = [role if role in colours.ROLES else f.name for f, role in zip(made, given)]
-    runs = [(f, *run) for f in made for run in _runs(f)]
-    picture = Scene(data=_traces(runs, made, texts, times[0]), layout=_layout(made, times, height))
+    shown, texts = figures(motions, roles=roles, layout=layout), label_texts(motions, labels, roles)
+    end = max(f.end for f in shown)
+    times = np.linspace(0, end, min(frames, round(end * max(f.fps for f in shown)) + 1))
+    if stride is not None:
+        times = np.arange(0, end + 1e-6, stride / shown[0].fps)
+    runs = [(f, *run) for f in shown for run in _runs(f)]
+    picture = Scene(data=_traces(runs, shown, texts, times[0]), layout=_layout(shown, times, height))
     picture.frames = [
         go.Frame(data=_moment(runs, t), name=str(n), traces=list(range(len(runs)))) for n, t in enumerate(times)
     ]
-    found = as_list(motions)
-    picture.__dict__["_motionkit_still"] = lambda: _still(found, round(end * made[0].fps / 3), labels, roles, layout)
+    motions, frame = as_list(motions), round(end * shown[0].fps / 3)  # as they are now: a list may change
+
+    def still() -> bytes:
+        from .plots import still_jpeg
+
+        return still_jpeg(motions, frame, labels=labels, roles=roles, layout=layout)
+
+    picture.__dict__["_motionkit_still"] = still
     return picture
-
-
-def _moments_shown(made: list, frames: int, stride: int | None) -> tuple[float, np.ndarray]:
-    """When the longest motion ends, and the times that the figure keeps, in seconds."""
-    end = max(f.end for f in made)
-    if stride is not None:
-        return end, np.arange(0, end + 1e-6, stride / made[0].fps)
-    return end, np.linspace(0, end, min(frames, round(end * max(f.fps for f in made)) + 1))
-
-
-def _still(motions: list, frame: int, labels: object, roles: object, layout: str) -> bytes:
-    from .plots import still_jpeg
-
-    return still_jpeg(motions, frame, labels=labels, roles=roles, layout=layout)
 
 
 def _runs(figure: Figure) -> list[tuple[str, list[int | None]]]:
     """For each limb colour, joints to walk through with one line; None lifts the pen."""
-    children: dict[int, list[int]] = {}
-    for parent, child in figure.bones:
-        children.setdefault(parent, []).append(child)
     runs: dict[str, list[int | None]] = {}
-    left = set(figure.bones)
-    for parent, child in figure.bones:
-        if (parent, child) not in left:
-            continue
+    left = list(figure.bones)
+    while left:
+        parent, child = left.pop(0)
         colour, run = figure.colours[child], [parent, child]
-        left.discard((parent, child))
-        while True:
-            onward = next(
-                (c for c in children.get(run[-1], []) if figure.colours[c] == colour and (run[-1], c) in left),
-                None,
-            )
-            if onward is None:
-                break
-            left.discard((run[-1], onward))
-            run.append(onward)
+        while onward := next((bone for bone in left if bone[0] == run[-1] and figure.colours[bone[1]] == colour), None):
+            left.remove(onward)
+            run.append(onward[1])
         runs.setdefault(colour, []).extend([*run, None])
     if not runs:
         runs[figure.colours[0]] = [*figure.drawn, None]
@@ -119,62 +98,38 @@ def _runs(figure: Figure) -> list[tuple[str, list[int | None]]]:
 
 def _moment(runs: Sequence[tuple], time: float) -> list[dict]:
     """The lines' coordinates at a time, one dict for each run."""
-    poses: dict[int, list] = {}
-    moved = []
+    lines = []
     for figure, _, run in runs:
-        pose = poses.get(id(figure))
-        if pose is None:
-            pose = poses[id(figure)] = [[round(float(v), 3) for v in p] for p in figure.at(time)]
-        column = [[None if j is None else pose[j][k] for j in run] for k in (2, 0, 1)]
-        moved.append({"type": "scatter3d", "x": column[0], "y": column[1], "z": column[2]})
-    return moved
+        pose = [[round(float(v), 3) for v in place] for place in figure.at(time)]
+        x, y, z = ([None if j is None else pose[j][k] for j in run] for k in (2, 0, 1))
+        lines.append({"type": "scatter3d", "x": x, "y": y, "z": z})
+    return lines
 
 
-def _traces(runs: Sequence[tuple], made: Sequence[Figure], texts: Sequence, time: float) -> list[dict]:
+_UNNAMED = {"hoverinfo": "skip", "showlegend": False}
+
+
+def _traces(runs: Sequence[tuple], shown: Sequence[Figure], texts: Sequence, time: float) -> list[dict]:
+    """The lines of all bodies, a dot in the legend for each that has a text, and the floor."""
     traces = []
     for moment, (figure, colour, run) in zip(_moment(runs, time), runs):
         sizes = [0 if j is None else 11 if j == figure.head else 4 for j in run]
-        look = {"color": colour, "size": sizes, "line": {"width": 0}, "opacity": 1}
-        traces.append(
-            {
-                **moment,
-                "mode": "lines+markers",
-                "line": {"color": colour, "width": 9},
-                "marker": look,
-                "hoverinfo": "skip",
-                "showlegend": False,
-            }
-        )
-    for figure, text in zip(made, texts):
+        marker = {"color": colour, "size": sizes, "line": {"width": 0}, "opacity": 1}
+        line = {"color": colour, "width": 9}
+        traces.append({**moment, "mode": "lines+markers", "line": line, "marker": marker, **_UNNAMED})
+    nowhere = {"type": "scatter3d", "x": [None], "y": [None], "z": [None], "mode": "markers"}
+    for figure, text in zip(shown, texts):
         if text:
-            traces.append(
-                {
-                    "type": "scatter3d",
-                    "x": [None],
-                    "y": [None],
-                    "z": [None],
-                    "mode": "markers",
-                    "name": text,
-                    "marker": {"color": figure.role, "size": 9},
-                }
-            )
-    return [*traces, _floor(made)]
+            traces.append({**nowhere, "name": text, "marker": {"color": figure.role, "size": 9}})
+    return [*traces, _floor(shown)]
 
 
-def _floor(made: Sequence[Figure]) -> dict:
+def _floor(shown: Sequence[Figure]) -> dict:
     """A thin grid on the floor, 0.5 m wide, under everything that moves."""
-    low, high, size = _box(made)
+    low, high, size = _box(shown)
     tile = 0.5 if size > 0.5 else size / 3
     tile *= max(1, np.ceil(max(high[0] - low[0], high[2] - low[2]) / tile / 24))
-    x0, x1, z0, z1 = (
-        float(v * tile)
-        for v in (
-            np.floor(low[0] / tile),
-            np.ceil(high[0] / tile),
-            np.floor(low[2] / tile),
-            np.ceil(high[2] / tile),
-        )
-    )
+    (x0, _, z0), (x1, _, z1) = (np.floor(low / tile) * tile).tolist(), (np.ceil(high / tile) * tile).tolist()
     xs, zs = [], []
     for x in np.arange(x0, x1 + tile / 2, tile):
         xs += [round(float(x), 3)] * 2 + [None]
@@ -183,41 +138,29 @@ def _floor(made: Sequence[Figure]) -> dict:
         xs += [x0, x1, None]
         zs += [round(float(z), 3)] * 2 + [None]
     ys = [None if x is None else 0 for x in xs]
-    return {
-        "type": "scatter3d",
-        "x": zs,
-        "y": xs,
-        "z": ys,
-        "mode": "lines",
-        "line": {"color": "rgba(130,140,155,0.45)", "width": 2},
-        "hoverinfo": "skip",
-        "showlegend": False,
-    }
+    line = {"color": "rgba(130,140,155,0.45)", "width": 2}
+    return {"type": "scatter3d", "x": zs, "y": xs, "z": ys, "mode": "lines", "line": line, **_UNNAMED}
 
 
-def _box(made: Sequence[Figure]) -> tuple[np.ndarray, np.ndarray, float]:
-    points = [f.points[:, f.drawn].reshape(-1, 3) for f in made]
-    size = max(f.size for f in made)
+def _box(shown: Sequence[Figure]) -> tuple[np.ndarray, np.ndarray, float]:
+    points = [f.points[:, f.drawn].reshape(-1, 3) for f in shown]
+    size = max(f.size for f in shown)
     low = np.min([p.min(axis=0) for p in points], axis=0) - 0.3 * size
     high = np.max([p.max(axis=0) for p in points], axis=0) + 0.3 * size
     return low, high, size
 
 
-def _camera(made: Sequence[Figure], ratio: dict) -> dict:
+def _camera(shown: Sequence[Figure], ratio: dict) -> dict:
     """From the front, three quarters; further to the side of those who walk, so that their path runs across."""
-    left = made[0].left
-    points = np.concatenate([f.points[:, f.drawn].reshape(-1, 3) for f in made])
+    left = shown[0].left
+    points = np.concatenate([f.points[:, f.drawn].reshape(-1, 3) for f in shown])
     along = [float(np.ptp(points @ d)) for d in (np.array([-left[2], 0, left[0]]), left)]
     turn = np.radians(32 + 32 * np.clip((along[0] / max(along[1], 1e-6) - 1) / 2, 0, 1))
     across, up = np.hypot(ratio["x"], ratio["y"]), ratio["z"]
     away = 0.12 * across + max(0.6 * across, 1.05 * up)
     x, y = np.cos(turn) * left[0] + np.sin(turn) * left[2], np.sin(turn) * left[0] - np.cos(turn) * left[2]
     eye = {"x": round(float(away * x), 3), "y": round(float(away * y), 3), "z": round(0.22 * away, 3)}
-    return {
-        "eye": eye,
-        "center": {"x": 0, "y": 0, "z": round(-0.04 * up, 3)},
-        "projection": {"type": "perspective"},
-    }
+    return {"eye": eye, "center": {"x": 0, "y": 0, "z": round(-0.04 * up, 3)}, "projection": {"type": "perspective"}}
 
 
 def _controls(times: np.ndarray) -> dict:
@@ -228,41 +171,21 @@ def _controls(times: np.ndarray) -> dict:
     halt = {"frame": {"duration": 0, "redraw": True}, "mode": "immediate"}
     steps = [{"args": [[str(n)], halt], "label": f"{t:.2f}", "method": "animate"} for n, t in enumerate(times)]
     clear, ink = "rgba(0,0,0,0)", "#7a8491"
-    buttons = [
+    menu = {"type": "buttons", "direction": "left", "showactive": False, "pad": {"t": 18}, "font": {"color": ink}}
+    menu |= {"x": 0.02, "y": 0, "xanchor": "left", "yanchor": "top"}
+    menu |= {"bgcolor": "rgba(122,132,145,0.15)", "bordercolor": clear}
+    menu["buttons"] = [
         {"label": "▶", "method": "animate", "args": [None, play]},
         {"label": "❚❚", "method": "animate", "args": [[None], halt]},
     ]
-    menu = {
-        "type": "buttons",
-        "direction": "left",
-        "x": 0.02,
-        "y": 0,
-        "xanchor": "left",
-        "yanchor": "top",
-        "pad": {"t": 18},
-        "showactive": False,
-        "bgcolor": "rgba(122,132,145,0.15)",
-        "bordercolor": clear,
-        "font": {"color": ink},
-        "buttons": buttons,
-    }
-    slider = {
-        "x": 0.14,
-        "len": 0.84,
-        "y": 0,
-        "pad": {"t": 8},
-        "steps": steps,
-        "tickcolor": clear,
-        "minorticklen": 0,
-        "ticklen": 0,
-        "font": {"color": clear},
-        "currentvalue": {"suffix": " s", "font": {"color": ink, "size": 12}, "xanchor": "right"},
-    }
+    slider = {"x": 0.14, "len": 0.84, "y": 0, "pad": {"t": 8}, "steps": steps, "font": {"color": clear}}
+    slider |= {"tickcolor": clear, "minorticklen": 0, "ticklen": 0}
+    slider["currentvalue"] = {"suffix": " s", "font": {"color": ink, "size": 12}, "xanchor": "right"}
     return {"updatemenus": [menu], "sliders": [slider]}
 
 
-def _layout(made: Sequence[Figure], times: np.ndarray, height: int) -> dict:
-    low, high, size = _box(made)
+def _layout(shown: Sequence[Figure], times: np.ndarray, height: int) -> dict:
+    low, high, size = _box(shown)
     # Plotly's x, y and z are the motion's Z, X and Y: a turn in a circle, so that left stays left.
     ranges = [
         [float(low[2]), float(high[2])],
@@ -287,7 +210,7 @@ def _layout(made: Sequence[Figure], times: np.ndarray, height: int) -> dict:
             **axes,
             "aspectmode": "manual",
             "aspectratio": ratio,
-            "camera": _camera(made, ratio),
+            "camera": _camera(shown, ratio),
             "bgcolor": clear,
         },
     }

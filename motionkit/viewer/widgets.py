@@ -1,4 +1,4 @@
-"""A loss that is drawn while a network learns."""
+"""Widgets that move while something runs: a loss that is drawn as a network learns, and restyling live."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..methods.style_erd_stream import rotate_quaternion_y, rotate_y
 from ..motion import Motion
 from .figure import StillWidget, encode_scene, figures
 from .player import _JS, script
-from .plots import INK, StaticFigure, few_colours, strip, style_axes
+from .plots import INK, StaticFigure, strip, style_axes
 
 _RAW, _SMOOTH = "#b9cfe4", "#2b6ca8"
 _SHARE = 0.05  # of the time that a training run may spend on pictures
@@ -122,10 +122,10 @@ class LossCurve:
         picture = StaticFigure(figsize=(6.4, 2.7), dpi=100)
         ax = picture.add_axes((0.09, 0.17, 0.89, 0.72))
         losses, smoothed = np.asarray(self.losses, dtype=float), self.smoothed()
-        kept = np.unique(np.linspace(0, max(len(losses) - 1, 0), min(len(losses), _DRAWN)).astype(int))
-        steps = np.asarray(self.steps)[kept] if len(kept) else []
-        ax.plot(steps, losses[kept], color=_RAW, lw=1, label="loss")
-        ax.plot(steps, smoothed[kept], color=_SMOOTH, lw=2.2, label=f"smoothed: {_last(smoothed)}")
+        drawn = np.unique(np.linspace(0, max(len(losses) - 1, 0), min(len(losses), _DRAWN)).astype(int))
+        steps = np.asarray(self.steps)[drawn] if len(drawn) else []
+        ax.plot(steps, losses[drawn], color=_RAW, lw=1, label="loss")
+        ax.plot(steps, smoothed[drawn], color=_SMOOTH, lw=2.2, label=f"smoothed: {_last(smoothed)}")
         finite = losses[np.isfinite(losses)]
         if len(finite):
             low, high = min(finite.min(), 0.0), max(finite.max(), 0.0)
@@ -149,7 +149,7 @@ class LossCurve:
         return f"LossCurve({self.title!r}: step {self.steps[-1]}, smoothed loss {_last(self.smoothed())})"
 
     def _repr_png_(self) -> bytes:
-        return few_colours(io.BytesIO(self.png))
+        return self.figure().png()
 
     def _bundle(self) -> dict:
         """The living picture while it lives, then the still one."""
@@ -296,16 +296,16 @@ class Live(StillWidget, anywidget.AnyWidget):
     ) -> None:
         if not all(hasattr(method, name) for name in ("stream", "seen", "model")):
             raise MotionKitError(f"Live needs a method that streams, such as 'style-erd'; found {method!r:.80}")
-        seen = method.onto_model(content)
-        model, made = method.model, figures([seen, seen], roles=["content", "result"])
+        on_model = method.onto_model(content)
+        model, characters = method.model, figures([on_model, on_model], roles=["content", "result"])
         for style in (left, right):
             model.label_id("style", style)
         self._model, self._stream = model, method.stream(left, content=label, own_style=own_style)
-        self._source, self._kept, self.times = Endless(seen), [], {"ms": 0.0, "trip": 0.0}
-        before = seen.positions()[0, 0].numpy()
-        self._beside, self._like = [np.float32(f.points[0, 0] - before) * [1, 0, 1] for f in made], seen
+        self._source, self._kept, self.times = Endless(on_model), [], {"ms": 0.0, "trip": 0.0}
+        before = on_model.positions()[0, 0].numpy()
+        self._beside, self._like = [np.float32(f.points[0, 0] - before) * [1, 0, 1] for f in characters], on_model
         self._drawn_at, self._sent, self._seen, self._clock, self._task = np.zeros(3), 0, 0, {}, None
-        data = encode_scene(made, labels=["content", left])
+        data = encode_scene(characters, labels=["content", left])
         super().__init__(_data=data, styles=list(model.styles), left=left, right=right, height=height)
         self.observe(self._wish, ["left", "right", "mix", "strength"])
         self.on_msg(self._heard)
@@ -320,12 +320,12 @@ class Live(StillWidget, anywidget.AnyWidget):
         """One frame more, sent to whoever looks."""
         turns, places = next(self._source)
         begun = time.perf_counter()
-        made, root = self._stream.push(turns[None], places[None])
+        turned, root = self._stream.push(turns[None], places[None])
         self._timed("ms", 1000 * (time.perf_counter() - begun))
         moved = places.copy()
         moved[0] = root[0]
-        self._kept = [*self._kept[-2 * round(self._model.fps) + 1 :], (turns, places, made[0], moved)]
-        points = self._model.body.places(np.stack((turns, made[0])), np.float32(np.stack((places, moved))))
+        self._kept = [*self._kept[-2 * round(self._model.fps) + 1 :], (turns, places, turned[0], moved)]
+        points = self._model.body.places(np.stack((turns, turned[0])), np.float32(np.stack((places, moved))))
         self._show(points)
 
     def _show(self, points: np.ndarray) -> None:
@@ -397,9 +397,8 @@ class Live(StillWidget, anywidget.AnyWidget):
         """Content and result of the last two seconds, as the bytes of a PNG."""
         while len(self._kept) < round(1.5 * self._model.fps):
             self.step()
-        picture, raw = StaticFigure(figsize=(8.6, 3.8), dpi=100), io.BytesIO()
+        picture = StaticFigure(figsize=(8.6, 3.8), dpi=100)
         labels = ["content", self.left if self.mix <= 0.5 else self.right]
         axes = picture.add_axes((0, 0.02, 1, 0.96))
         strip([self.content, self.result], poses=9, labels=labels, roles=["content", "result"], ax=axes)
-        picture.savefig(raw, format="png", facecolor="white")
-        return few_colours(raw)
+        return picture.png()

@@ -6,7 +6,6 @@ import torch
 import motionkit as mk
 from motionkit import actor
 from motionkit.lessons import data
-from motionkit.lessons import data as mixers
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +44,7 @@ def test_a_foot_in_the_air_stays_there_when_the_pace_changes(mixer):
 
 def test_choosing_a_style_moves_all_sliders_and_performs_once(mixer, monkeypatch):
     told = []
-    monkeypatch.setattr(mixers, "retell", lambda *args: told.append(args) or actor.retell(*args))
+    monkeypatch.setattr(data, "retell", lambda *args: told.append(args) or actor.retell(*args))
     mixer.controls["intensity"].value = 0.5
     mixer.controls["style"].value = "robot"
     assert mixer.controls["intensity"].value == 1.0

@@ -1,4 +1,4 @@
-"""Maps of features: neighbours stay neighbours, and the dot pointed at plays its clip."""
+"""Notebook 04: pictures and widgets show the numbers they are given, and say what is wrong with them."""
 
 import base64
 import json
@@ -8,11 +8,147 @@ import numpy as np
 import pytest
 import torch
 from looking import cloud, near, pixels
+from matplotlib.patches import Ellipse
 from plotly.callbacks import Points
 
 import motionkit as mk
-from motionkit.lessons import judging as maps
-from motionkit.lessons.judging import embed, feature_map
+from motionkit.lessons import judging
+from motionkit.lessons.judging import cloud_explorer, embed, feature_map, plot_clouds, plot_confusion
+
+
+def test_clouds_are_told_by_their_fmd_and_its_parts():
+    a, b = cloud(300), 2 * cloud(300, seed=1) + torch.tensor([3.0, 1.0])
+    title = plot_clouds(a, b, parts=True).axes[0].get_title(loc="left")
+    whole, means, spreads = (float(word) for word in title.split() if word[0].isdigit())
+    assert whole == pytest.approx(mk.metrics.fmd(a, b), abs=0.006)
+    assert means == pytest.approx(float(((a.mean(0) - b.mean(0)) ** 2).sum()), abs=0.006)
+    assert spreads == pytest.approx(whole - means, abs=0.011) and spreads > 1
+    assert plot_clouds(a, b).axes[0].get_title(loc="left") == title.split(" =")[0]
+
+
+def test_an_ellipse_holds_the_share_of_points_that_a_gaussian_has_there():
+    a = cloud(4000) @ torch.tensor([[2.0, 1.0], [0.0, 0.5]])
+    ax = plot_clouds(a, a, labels=("one", "two")).axes[0]
+    found = [patch for patch in ax.patches if isinstance(patch, Ellipse)]
+    assert len(found) == 4
+    for ellipse, deviations in zip(found, (1, 2, 1, 2)):
+        inside = ellipse.get_patch_transform().inverted().transform(a.numpy())
+        share = float((np.hypot(*inside.T) < 1).mean())
+        assert share == pytest.approx(1 - np.exp(-(deviations**2) / 2), abs=0.02)
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["one: 4,000", "two: 4,000"]
+
+
+def test_clouds_can_be_drawn_into_given_axes_and_stay_small():
+    picture = plot_clouds(cloud(3000), cloud(3000, seed=1))
+    assert all(len(line.get_xdata()) <= 2000 for line in picture.axes[0].lines)
+    drawn = picture._repr_png_()
+    assert len(drawn) < 60_000
+    assert all(near(pixels(drawn), ink, 60) > 300 for ink in judging.CLOUD_COLOURS)
+    assert plot_clouds(cloud(9), cloud(9), ax=picture.axes[0]) is picture
+
+
+@pytest.mark.parametrize(
+    ("a", "labels", "said"),
+    [
+        (cloud(9, 3), ("real", "made"), r"'real' as a tensor of points \[N, 2\]; found \[9, 3\]"),
+        ([[1, 2]], ("real", "made"), "found a list"),
+        (cloud(2), ("mine", "made"), "mine has 2 rows"),
+        (torch.full((5, 2), torch.nan), ("mine", "made"), "mine"),
+        (cloud(9), ("one",), "two labels"),
+    ],
+)
+def test_clouds_say_what_is_wrong(a, labels, said):
+    with pytest.raises(mk.MotionKitError, match=said):
+        plot_clouds(a, cloud(9), labels)
+
+
+def second_line(explorer: object) -> float:
+    picture = explorer._draw(**explorer.values())
+    return float(picture.axes[0].texts[0].get_text().rsplit(" ", 1)[1])
+
+
+def test_the_explorer_moves_and_names_the_true_distance(caplog):
+    explorer = cloud_explorer()
+    for name, value in {"shift": 3.0, "spread": 2.0, "turn": -60, "points": 20}.items():
+        before = explorer.png
+        explorer.controls[name].value = value
+        assert explorer.png != before, name
+    explorer.set(shift=2.0, spread=1.0, turn=0, points=300)
+    assert second_line(explorer) == 4.0
+    explorer.set(shift=0.0, spread=2.0)
+    assert second_line(explorer) == pytest.approx(1 + 0.4**2, abs=0.006)
+    explorer.set(spread=1.0, turn=90)
+    assert second_line(explorer) == pytest.approx(2 * (1 - 0.4) ** 2, abs=0.006)
+    assert caplog.messages == []  # matplotlib logs what it could not fit
+
+
+def test_few_points_measure_too_much_and_many_nearly_the_truth():
+    explorer = cloud_explorer()
+    measured = []
+    for points in (5, 3000):
+        explorer.set(shift=0.0, spread=1.0, turn=0, points=points)
+        title = explorer._draw(**explorer.values()).axes[0].get_title(loc="left")
+        measured.append(float(title.split()[1]))
+    assert second_line(explorer) == 0 and measured[0] > 0.1 > 0.02 > measured[1]
+
+
+def cells(ax: object) -> dict[tuple[int, int], str]:
+    return {(round(t.get_position()[1]), round(t.get_position()[0])): t.get_text() for t in ax.texts}
+
+
+def test_cells_are_per_cent_of_their_row_and_empty_ones_stay_empty():
+    counts = torch.tensor([[3, 1, 0], [0, 8, 0], [1, 0, 399]])
+    ax = plot_confusion(counts, ["walk", "run", "jump"], "content").axes[0]
+    assert cells(ax) == {(0, 0): "75", (0, 1): "25", (1, 1): "100", (2, 0): "<1", (2, 2): "100"}
+    assert ax.get_title(loc="left") == "content: 100 % right"  # 410 of 412
+    assert [t.get_text() for t in ax.get_yticklabels()] == ["walk", "run", "jump"]
+    assert ax.images[0].get_array()[0].tolist() == [75, 25, 0]
+
+
+def test_accuracy_in_the_title_is_the_metrics():
+    scores, labels = cloud(90, 9), torch.arange(90) % 9
+    title = plot_confusion(mk.metrics.confusion(scores, labels), list("abcdefghi")).axes[0].get_title(loc="left")
+    assert title == f"{mk.metrics.recognition_accuracy(scores, labels):.0f} % right"
+
+
+def test_a_class_without_clips_leaves_an_empty_row():
+    ax = plot_confusion(torch.tensor([[2, 0], [0, 0]]), ["walk", "run"]).axes[0]
+    assert cells(ax) == {(0, 0): "100"} and ax.get_title(loc="left") == "100 % right"
+
+
+def test_twelve_classes_beside_eight_can_be_read():
+    tables = [50 * torch.eye(12).long() + 3, 50 * torch.eye(8).long() + 3]
+    tables[0][3, 4] = tables[1][3, 4] = 30  # a cell neither light nor dark
+    names = [[f"content_{n:02}" for n in range(12)], [f"style_{n}" for n in range(8)]]
+    picture = plot_confusion(tables, names, ["content", "style"])
+    assert [ax.get_title(loc="left") for ax in picture.axes] == ["content: 60 % right", "style: 68 % right"]
+    assert picture.get_size_inches()[0] <= 11 and len(picture._repr_png_()) < 60_000
+    for ax in picture.axes:
+        boxes = [text.get_window_extent() for text in ax.texts]
+        wide = ax.transData.transform((1, 0))[0] - ax.transData.transform((0, 0))[0]
+        assert max(box.width for box in boxes) < 0.8 * wide and min(t.get_fontsize() for t in ax.texts) >= 7.5
+        for text in ax.texts:  # light on dark, dark on light
+            column, row = text.get_position()
+            dark = ax.images[0].get_array()[row, column] > 55
+            assert (text.get_color() == "white") == dark
+
+
+@pytest.mark.parametrize(
+    ("counts", "labels", "said"),
+    [
+        (torch.ones(2, 3), ["a", "b"], r"found \[2, 3\]"),
+        (torch.ones(2, 2), ["a"], "a label for each of 2 classes; found 1"),
+        (torch.ones(2, 2), "ab", "found 'ab'"),
+        (np.ones((2, 2)), ["a", "b"], "found a ndarray"),
+        (-torch.ones(2, 2), ["a", "b"], "negative"),
+        ([torch.ones(2, 2)] * 2, [["a", "b"]], "2 tables of counts, 1 lists of labels"),
+        ([], [], "0 tables"),
+    ],
+)
+def test_confusion_says_what_is_wrong(counts, labels, said):
+    with pytest.raises(mk.MotionKitError, match=said):
+        plot_confusion(counts, labels)
+
 
 PLOTLY, VIEW = "application/vnd.plotly.v1+json", "application/vnd.jupyter.widget-view+json"
 
@@ -87,7 +223,7 @@ def test_a_saved_map_holds_a_picture_of_all_groups_in_few_bytes():
     assert len(json.dumps(bundle[PLOTLY])) < 80_000 and bundle["text/plain"].startswith("Map(800 dots by content: ")
     still = base64.b64decode(bundle["image/jpeg"])
     assert len(still) < 60_000
-    assert all(near(pixels(still), colour, 30) > 30 for colour in maps.MAP_COLOURS)
+    assert all(near(pixels(still), colour, 30) > 30 for colour in judging.MAP_COLOURS)
 
 
 def test_the_caption_counts_what_is_left_out():
@@ -122,7 +258,7 @@ def lab_colours(colours: tuple[str, ...], seen_as: np.ndarray) -> np.ndarray:
     ids=["most people", "without red cones", "without green cones"],
 )
 def test_twelve_colours_keep_apart_for_everybody(seen_as):
-    found = lab_colours(maps.MAP_COLOURS, seen_as)
+    found = lab_colours(judging.MAP_COLOURS, seen_as)
     away = np.linalg.norm(found[:, None] - found[None], axis=-1) + 1e9 * np.eye(12)
     assert away.min() > 20  # about ten times what an eye can just tell
 
@@ -174,8 +310,8 @@ def test_a_map_with_motions_leaves_a_still(clips):
     bundle = view._repr_mimebundle_()
     assert VIEW in bundle and bundle["text/plain"] == "Map(12 dots by gait: run, walk)"
     still = base64.b64decode(bundle["image/png"])
-    assert len(still) < 40_000 and near(pixels(still), maps.MAP_COLOURS[0], 20) > 60
-    picture = maps.draw_map(view._drawn)
+    assert len(still) < 40_000 and near(pixels(still), judging.MAP_COLOURS[0], 20) > 60
+    picture = judging.draw_map(view._drawn)
     assert [len(line.get_xdata()) for line in picture.axes[0].lines] == [6, 6]
     assert picture.axes[0].get_legend().get_title().get_text() == "gait"
     with pytest.raises(mk.MotionKitError, match="row 12 is not on this map"):
