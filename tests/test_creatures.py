@@ -37,13 +37,13 @@ def test_bodies_differ():
     assert not set(skeletons[0].names) & set(skeletons[1].names)
     for skeleton in skeletons:
         assert {"left", "right", "middle"} == set(skeleton.sides)
-        assert skeleton.twins is not None
+        assert skeleton.mirror_joints is not None
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rest_pose_is_a_mirror_image_that_stands_on_the_ground(kind):
     creature = performing.get_creature(kind)
-    rest, twins = creature.rest, list(creature.skeleton.twins)
+    rest, twins = creature.rest, list(creature.skeleton.mirror_joints)
     torch.testing.assert_close(rest[twins] * torch.tensor([-1.0, 1.0, 1.0]), rest, atol=1e-9, rtol=0)
     assert rest[:, 1].min() >= 0
 
