@@ -1,4 +1,4 @@
-"""Joints in another order: a BVH file writes them depth first, a dataset may count them otherwise."""
+"""A clip of motion: frames on a skeleton, cut, resampled, moved about, reordered, mirrored and joined."""
 
 from __future__ import annotations
 
@@ -14,27 +14,6 @@ from . import kinematics
 from . import rotations as rot
 from .errors import MotionKitError
 from .skeleton import Skeleton
-
-
-def in_order(motion: Motion, like: Skeleton) -> Motion:
-    """The motion with its joints in another skeleton's order, if they are the same ones; else as it is.
-
-    >>> import motionkit as mk
-    >>> walk, like = mk.load("data/actor/walk_neutral.bvh"), mk.skeleton.smpl()
-    >>> walk.skeleton.names[4], in_order(walk, like).skeleton.names[4]
-    ('left_foot', 'left_knee')
-    """
-    own = motion.skeleton
-    if own.names == like.names or sorted(own.names) != sorted(like.names):
-        return motion
-    order = [own.index(name) for name in like.names]
-    parents = tuple(-1 if own.parents[j] < 0 else like.names.index(own.names[own.parents[j]]) for j in order)
-    if parents != like.parents:
-        return motion
-    skeleton = Skeleton(like.names, parents, own.offsets[order])
-    return motion.replace(
-        skeleton=skeleton, rotations=motion.rotations[:, order], translations=motion.translations[:, order]
-    )
 
 
 UP = (0.0, 1.0, 0.0)
@@ -234,6 +213,28 @@ class Motion:
         from_above = body.translations[:, 0] - self.positions()[:, above]
         translations[:, pelvis] = rot.quaternion_rotate(back, from_above)
         return self.replace(rotations=rotations, translations=translations)
+
+    def reorder(self, skeleton: Skeleton) -> Motion:
+        """The motion with its joints in another skeleton's order, if they are the same ones; else as it is.
+
+        A BVH file lists joints branch by branch, a dataset may count them otherwise.
+
+        >>> import motionkit as mk
+        >>> walk = mk.load("data/actor/walk_neutral.bvh")
+        >>> walk.skeleton.names[4], walk.reorder(mk.skeleton.smpl()).skeleton.names[4]
+        ('left_foot', 'left_knee')
+        """
+        names, parents = self.skeleton.names, self.skeleton.parents
+        if names == skeleton.names or sorted(names) != sorted(skeleton.names):
+            return self
+        order = [self.skeleton.index(name) for name in skeleton.names]
+        if skeleton.parents != tuple(-1 if parents[j] < 0 else order.index(parents[j]) for j in order):
+            return self
+        return self.replace(
+            skeleton=Skeleton(skeleton.names, skeleton.parents, self.skeleton.offsets[order]),
+            rotations=self.rotations[:, order],
+            translations=self.translations[:, order],
+        )
 
     def mirror(self, mirror_joints: Sequence[int] | None = None) -> Motion:
         """Left and right exchanged: the motion as a mirror in the plane x = 0 shows it.
