@@ -134,7 +134,7 @@ class Film:
 
 
 class Landmarker(contextlib.AbstractContextManager):
-    """Sees a short_walk with Y downwards, as MediaPipe's world landmarks are; at some frames nobody, or not sure."""
+    """Sees a walk with Y downwards, as MediaPipe's world landmarks are; at some frames nobody, or not sure."""
 
     def __init__(self, motion, gone=(), unsure=()):
         at = [motion.skeleton.names.index(name) for name in COCO]

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from .. import rotations as rot
-from ..errors import MotionKitError
+from ..errors import MotionKitError, check
 from ..motion import Motion
 from ..skeleton import Skeleton
 from ..text.captions import performed_captions
@@ -37,7 +37,6 @@ from .score import (
     MotionPlan,
     as_walked,
     beat_seconds,
-    contents_for,
     contents_of,
     fine_axis,
     interpolate,
@@ -45,7 +44,7 @@ from .score import (
     plan_creature_actions,
     seconds_of,
 )
-from .style import Style, get_style, nearest
+from .style import Style, get_style
 
 _AROUND = 6.0  # beats planned before and after what is shown
 
@@ -166,8 +165,7 @@ def retell(performance: Performance, style: str | Style, intensity: float = 1.0)
 def check_numbers(seconds: float, fps: float, intensity: float) -> None:
     """MotionKitError for a length, frame rate or intensity that cannot be performed."""
     for what, value, least in (("seconds", seconds, 0.1), ("fps", fps, 1.0), ("intensity", intensity, -10.0)):
-        if not isinstance(value, int | float) or not math.isfinite(value) or value < least:
-            raise MotionKitError(f"{what}: expected a number of at least {least:g}; found {value!r}")
+        check.number(what, value, least)
     if fps > 1000:
         raise MotionKitError(f"fps: at most 1000; found {fps!r}")
     if seconds > 3600:
@@ -355,9 +353,7 @@ def get_creature(name: str | Creature, seed: int = 0) -> Creature:
     """
     if isinstance(name, Creature):
         return name
-    if name not in _KINDS:
-        raise MotionKitError(f"no creature {name!r}; {nearest(name, _KINDS)}")
-    return Creature.from_seed(_KINDS[name], seed)
+    return Creature.from_seed(_KINDS[check.one_of("creature", name, _KINDS)], seed)
 
 
 def perform_creature(
@@ -384,7 +380,7 @@ def perform_creature(
     """
     who, style = get_creature(creature, seed), get_style(style)
     check_numbers(seconds, fps, intensity)
-    names, wanted = contents_for(who, content), style.at(intensity) if intensity != 1 else style
+    names, wanted = contents_of(content, who), style.at(intensity) if intensity != 1 else style
     if who.name == HUMANOID.name:
         return _perform_humanoid(content, wanted, seed, who, seconds, fps, path)
     score = _creature_score(names, int(seed), seconds, wanted, who, checked_path(path))

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from ..errors import MotionKitError
+from ..errors import MotionKitError, check
 from .bodies import Creature, Performer
-from .style import Style, nearest
+from .style import Style
 
 FINE = 128  # points of the fine axis for a beat
 WALK_RATE, RUN_RATE = 1.8, 2.5  # steps a second of a person with legs of 0.86 m
@@ -152,22 +152,22 @@ def smooth(x: Tensor) -> Tensor:
     return x * x * x * (x * (6 * x - 15) + 10)
 
 
-def contents_of(content: str | Sequence[str]) -> tuple[str, ...]:
+def contents_of(content: str | Sequence[str], creature: Creature | None = None) -> tuple[str, ...]:
     """One content or several ("walk, jump, kick" or a list); MotionKitError names the nearest of an unknown one.
+
+    creature: who is to do it; a person, if left out.
 
     >>> contents_of("walk, jump")
     ('walk', 'jump')
     """
     if not isinstance(content, str | Sequence):
         raise MotionKitError(f"content: expected a name or a list of names; found {content!r}")
-    names = content.split(",") if isinstance(content, str) else list(content)
-    names = tuple(str(n).strip() for n in names)
-    for name in names:
-        if name not in CONTENTS:
-            raise MotionKitError(f"no content {name!r}; {nearest(name, CONTENTS)}")
+    known, owner = (creature.contents, f"a {creature.name} has ") if creature else (CONTENTS, "")
+    names = tuple(str(n).strip() for n in (content.split(",") if isinstance(content, str) else content))
     if not names:
-        raise MotionKitError(f"no content given; there are {', '.join(CONTENTS)}")
-    return names
+        who = f"a {creature.name} can" if creature else "there are"
+        raise MotionKitError(f"no content given; {who} {', '.join(known)}")
+    return tuple(check.one_of("content", name, known, owner=owner) for name in names)
 
 
 def plan_actions(
@@ -240,23 +240,6 @@ def _sequence(contents: tuple[str, ...], beats: float, chance: random.Random) ->
     if now < beats:
         acts.append(Action("idle", now, beats - now))
     return tuple(acts)
-
-
-def contents_for(creature: Creature, content: str | Sequence[str]) -> tuple[str, ...]:
-    """One content or several; MotionKitError names the nearest of what this creature cannot do.
-
-    >>> from motionkit.actor.performing import get_creature
-    >>> contents_for(get_creature("dog"), "walk, sit")
-    ('walk', 'sit')
-    """
-    names = content.split(",") if isinstance(content, str) else list(content)
-    names = tuple(str(n).strip() for n in names)
-    for name in names:
-        if name not in creature.contents:
-            raise MotionKitError(f"a {creature.name} has no content {name!r}; {nearest(name, list(creature.contents))}")
-    if not names:
-        raise MotionKitError(f"no content given; a {creature.name} can {', '.join(creature.contents)}")
-    return names
 
 
 def plan_creature_actions(
