@@ -245,7 +245,7 @@ def _sequence(contents: tuple[str, ...], beats: float, chance: random.Random) ->
 def plan_creature_actions(
     creature: Creature, contents: tuple[str, ...], seed: int, beats: float, path: Tensor | None
 ) -> MotionPlan:
-    """A score of about so many beats. One deed is done again and again with rests; of several each is done once.
+    """A score of about so many beats. One action is done again and again with rests; of several each is done once.
 
     Raises MotionKitError if the beats do not hold what is asked for.
     """
@@ -271,7 +271,7 @@ def _creature_walk(name: str, start: float, length: float, chance: random.Random
 
 
 def _again(creature: Creature, name: str, beats: float, chance: random.Random) -> tuple[Action, ...]:
-    length = creature.species.deeds[name].beats
+    length = creature.species.actions[name].beats
     if beats < length:
         raise MotionKitError(
             f"one {name} of a {creature.name} takes {length:g} beats and the clip holds {beats:.1f}; give more "
@@ -290,10 +290,10 @@ def _again(creature: Creature, name: str, beats: float, chance: random.Random) -
 def _creature_sequence(
     creature: Creature, contents: tuple[str, ...], beats: float, chance: random.Random
 ) -> tuple[Action, ...]:
-    """Each once, in order: deeds take what they need, walks and rests share what is left."""
-    deeds = creature.species.deeds
-    shared = [c for c in contents if c not in deeds]
-    fixed = sum(deeds[c].beats for c in contents if c in deeds)
+    """Each once, in order: actions take what they need, walks and rests share what is left."""
+    actions = creature.species.actions
+    shared = [c for c in contents if c not in actions]
+    fixed = sum(actions[c].beats for c in contents if c in actions)
     least = fixed + len(shared) * 2 * RAMP
     if beats < least:
         raise MotionKitError(
@@ -302,8 +302,8 @@ def _creature_sequence(
         )
     acts, now = [], 0.0
     for name in contents:
-        if name in deeds:
-            act = Action(name, now, deeds[name].beats, chance.choice((1, -1)), chance.gauss(0, 1))
+        if name in actions:
+            act = Action(name, now, actions[name].beats, chance.choice((1, -1)), chance.gauss(0, 1))
         else:
             length = (beats - fixed) / len(shared)
             act = (
