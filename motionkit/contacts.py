@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from . import rotations as rot
-from .errors import MotionKitError
+from .errors import MotionKitError, check
 from .motion import Motion
 
 _STRETCH = 0.998  # of a leg's length: beyond it, a knee snaps straight within a frame
@@ -64,7 +64,7 @@ def foot_sliding(motion: Motion, contacts: Tensor | None = None, feet: Sequence[
     True
     """
     joints = feet_of(motion, feet)
-    contacts = _checked(motion, contacts, joints, feet)
+    contacts = _or_found(contacts, motion, joints, feet)
     places = motion.positions()[:, joints][..., [0, 2]]
     both = contacts[1:] & contacts[:-1]
     if not both.any():
@@ -72,16 +72,12 @@ def foot_sliding(motion: Motion, contacts: Tensor | None = None, feet: Sequence[
     return float(torch.linalg.vector_norm(places[1:] - places[:-1], dim=-1)[both].mean()) * 1000
 
 
-def _checked(motion: Motion, contacts: Tensor | None, joints: list[int], feet: Sequence[str] | None) -> Tensor:
+def _or_found(contacts: Tensor | None, motion: Motion, joints: list[int], feet: Sequence[str] | None) -> Tensor:
+    """Contacts as somebody gave them, of the shape that fits; found in the motion where nobody did."""
     if contacts is None:
         return foot_contacts(motion, feet)
-    if tuple(contacts.shape) != (len(motion), len(joints)):
-        raise MotionKitError(
-            f"expected contacts [{len(motion)}, {len(joints)}] for "
-            f"{', '.join(motion.skeleton.names[j] for j in joints)}; "
-            f"found {list(contacts.shape)}"
-        )
-    return contacts.bool()
+    names = ", ".join(motion.skeleton.names[j] for j in joints)
+    return check.shape("contacts", contacts, (len(motion), len(joints)), hint=f"; the feet are {names}").bool()
 
 
 def two_bone_ik(motion: Motion, joints: tuple[int, int, int], target: Tensor) -> Motion:
@@ -167,7 +163,7 @@ def lock_feet(
     True
     """
     joints = feet_of(motion, feet)
-    contacts = _checked(motion, contacts, joints, feet)
+    contacts = _or_found(contacts, motion, joints, feet)
     legs = _legs(motion)
     if not legs or not contacts.any():
         return motion
@@ -179,7 +175,22 @@ def lock_feet(
         across = _corrections(foot[..., [0, 2]], stands, blend)
         up = _height_corrections(foot[..., 1], stands, blend)
         targets.append(places[:, ankle] + torch.stack((across[:, 0], up, across[:, 1]), -1))
-    motion = lower_pelvis(motion, pelvis_drop(motion, legs, targets, places))
+    return reach_with_legs(motion, legs, targets)
+
+
+def reach_with_legs(motion: Motion, legs: list[tuple[int, int, int]], targets: list[Tensor]) -> Motion:
+    """The motion with each leg's ankle where it is to be, by inverse kinematics; the pelvis sinks where legs are short.
+
+    legs: (hip, knee, ankle) joints of each; targets: for each, where its ankle is to be, [F, 3] metres.
+
+    >>> import motionkit as mk
+    >>> m = mk.load("data/actor/walk_neutral.bvh")
+    >>> leg = tuple(m.skeleton.index(f"left_{n}") for n in ("hip", "knee", "ankle"))
+    >>> aside = m.positions()[:, leg[2]] + torch.tensor([0.05, 0.0, 0.0])
+    >>> bool((reach_with_legs(m, [leg], [aside]).positions()[:, leg[2]] - aside).abs().max() < 1e-3)
+    True
+    """
+    motion = lower_pelvis(motion, pelvis_drop(motion, legs, targets, motion.positions()))
     for leg, target in zip(legs, targets, strict=True):
         motion = two_bone_ik(motion, leg, target)
     return motion
@@ -302,10 +313,17 @@ def pelvis_drop(motion: Motion, legs: list, targets: list[Tensor], places: Tenso
         drop = torch.maximum(drop, (gap[:, 1] - allowed).clamp(min=0))
     if float(drop.max()) <= 0:
         return drop
-    width = 2 * max(1, round(motion.fps * 0.1)) + 1
-    pad = (width // 2, width // 2)
-    reached = torch.nn.functional.pad(drop[None, None], pad, mode="replicate")
-    reached = torch.nn.functional.max_pool1d(reached, width, 1)
-    weights = torch.hann_window(width + 2, periodic=False, dtype=drop.dtype)[1:-1]
-    smooth = torch.nn.functional.pad(reached, pad, mode="replicate")
-    return torch.nn.functional.conv1d(smooth, (weights / weights.sum())[None, None])[0, 0]
+    radius = max(1, round(motion.fps * 0.1))
+    padded = torch.nn.functional.pad(drop[None, None], (radius, radius), mode="replicate")
+    return hann_smooth(torch.nn.functional.max_pool1d(padded, 2 * radius + 1, 1)[0].T, radius)[:, 0]
+
+
+def hann_smooth(curves: Tensor, radius: int) -> Tensor:
+    """A running mean over time of curves [F, C], `radius` frames to either side under a Hann window; the ends hold.
+
+    >>> hann_smooth(torch.tensor([[0.0], [0.0], [4.0], [0.0], [0.0]]), 1)[:, 0]
+    tensor([0., 1., 2., 1., 0.])
+    """
+    weights = torch.hann_window(2 * radius + 3, periodic=False, dtype=curves.dtype)[1:-1]
+    padded = torch.nn.functional.pad(curves.T[:, None], (radius, radius), mode="replicate")
+    return torch.nn.functional.conv1d(padded, (weights / weights.sum())[None, None])[:, 0].T

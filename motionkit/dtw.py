@@ -21,29 +21,31 @@ from .errors import MotionKitError, motion_inside
 from .motion import Motion, facing_of
 
 _PACE = 0.15  # seconds in which a speed counts as much as a place
-_STALL = 0.1  # of the mean cost, for each frame in which one clip stands still and the other goes on
+_STEP_PENALTY = 0.1  # of the mean cost, for each frame in which one clip stands still and the other goes on
 EVEN = 0.06  # seconds: standard deviation of the Gaussian that evens out how fast a warped clip runs
 
 
-def dtw(costs: Tensor, *, stall: float = 0.0, segment: bool = False) -> Tensor:
+def dtw(costs: Tensor, *, step_penalty: float = 0.0, segment: bool = False) -> Tensor:
     """The cheapest path through a matrix of costs, by dynamic programming (as in Rabiner and Juang 1993).
 
     costs: [F, G], finite: how unlike frame i of one clip is to frame j of the other. The path steps on in one clip, in
-    the other or in both. stall: added for each step in which one of them stands still, so that a clip is stretched only
-    where that pays. segment: the path may begin and end at any frame of the second clip, so that the best piece of it
-    is found. Returns pairs [P, 2], long, none of them going back, from (0, 0) to (F - 1, G - 1). Raises MotionKitError
-    for costs that are no matrix or not finite.
+    the other or in both. step_penalty: added for each step in which one of them stands still, so that a clip is
+    stretched only where that pays. segment: the path may begin and end at any frame of the second clip, so that the
+    best piece of it is found. Returns pairs [P, 2], long, none of them going back, from (0, 0) to (F - 1, G - 1).
+    Raises MotionKitError for costs that are no matrix or not finite.
 
     >>> dtw(torch.tensor([[0.0, 1.0, 9.0], [9.0, 0.0, 0.0]])).tolist()
     [[0, 0], [1, 1], [1, 2]]
     """
     batch = _checked(torch.as_tensor(costs)[None], "[F, G]")
-    totals = np.stack([d[0] for d in _diagonals(batch, stall, segment)])
-    return torch.from_numpy(_traced(totals, batch.shape[2], stall, segment))
+    totals = np.stack([d[0] for d in _diagonals(batch, step_penalty, segment)])
+    return torch.from_numpy(_traced(totals, batch.shape[2], step_penalty, segment))
 
 
-def dtw_costs(costs: Tensor, lengths: Tensor | None = None, *, stall: float = 0.0, segment: bool = False) -> Tensor:
-    """What the cheapest path costs in each of N matrices, [N]: the sum over its pairs and stalls (see `dtw`).
+def dtw_costs(
+    costs: Tensor, lengths: Tensor | None = None, *, step_penalty: float = 0.0, segment: bool = False
+) -> Tensor:
+    """What the cheapest path costs in each of N matrices, [N]: the sum over its pairs and step penalties (see `dtw`).
 
     costs: [N, F, G]. lengths: how many columns of each count, [N]; all if left out. All are searched at once, so that
     a search over thirty clips takes little longer than one alignment.
@@ -56,25 +58,25 @@ def dtw_costs(costs: Tensor, lengths: Tensor | None = None, *, stall: float = 0.
     ends = np.full(count, columns) if lengths is None else np.asarray(lengths)
     if ends.shape != (count,) or ends.min() < 1 or ends.max() > columns:
         raise MotionKitError(f"DTW: expected {count} lengths from 1 to {columns}; found {ends.tolist()}")
-    last = np.stack([d[:, -1].copy() for d in _diagonals(batch, stall, segment)][rows - 1 :], 1)  # [N, G]: last rows
+    last = np.stack(
+        [d[:, -1].copy() for d in _diagonals(batch, step_penalty, segment)][rows - 1 :], 1
+    )  # [N, G]: last rows
     if segment:
-        found = np.where(np.arange(columns) < ends[:, None], last, np.inf).min(1)
-    else:
-        found = last[np.arange(count), ends - 1]
-    return torch.from_numpy(found)
+        return torch.from_numpy(np.where(np.arange(columns) < ends[:, None], last, np.inf).min(1))
+    return torch.from_numpy(last[np.arange(count), ends - 1])
 
 
 def _checked(costs: Tensor, shape: str) -> np.ndarray:
     batch = costs.detach().cpu().float().numpy()
     if batch.ndim != 3 or not batch.size:
-        found = list(costs.shape[1:] if shape == "[F, G]" else costs.shape)
-        raise MotionKitError(f"DTW: expected costs {shape}, one for each pair of frames; found shape {found}")
+        sizes = list(costs.shape[1:] if shape == "[F, G]" else costs.shape)
+        raise MotionKitError(f"DTW: expected costs {shape}, one for each pair of frames; found shape {sizes}")
     if not np.isfinite(batch).all():
         raise MotionKitError("DTW: some costs are not finite; look at the features that they were made of")
     return batch
 
 
-def _diagonals(batch: np.ndarray, stall: float, segment: bool) -> Iterator[np.ndarray]:
+def _diagonals(batch: np.ndarray, step_penalty: float, segment: bool) -> Iterator[np.ndarray]:
     """Accumulated costs, one anti-diagonal after the other: the d-th is [N, F], its entry i that of cell (i, d - i).
 
     The cells of an anti-diagonal need only the two before it, so that numpy takes each as one step.
@@ -86,8 +88,8 @@ def _diagonals(batch: np.ndarray, stall: float, segment: bool) -> Iterator[np.nd
     skewed = np.ascontiguousarray(skewed.transpose(2, 0, 1))  # row i moved right by i: [F + G - 1, N, F]
     older = before = np.full((count, rows), np.inf, np.float32)
     for d, here in enumerate(skewed):
-        now = before + stall  # from (i, j - 1): the first clip stands still
-        np.minimum(now[:, 1:], before[:, :-1] + stall, out=now[:, 1:])  # from (i - 1, j): the second does
+        now = before + step_penalty  # from (i, j - 1): the first clip stands still
+        np.minimum(now[:, 1:], before[:, :-1] + step_penalty, out=now[:, 1:])  # from (i - 1, j): the second does
         np.minimum(now[:, 1:], older[:, :-1], out=now[:, 1:])  # from (i - 1, j - 1)
         if d == 0 or segment:
             now[:, 0] = 0.0  # a path begins here
@@ -96,7 +98,7 @@ def _diagonals(batch: np.ndarray, stall: float, segment: bool) -> Iterator[np.nd
         yield now
 
 
-def _traced(totals: np.ndarray, columns: int, stall: float, segment: bool) -> np.ndarray:
+def _traced(totals: np.ndarray, columns: int, step_penalty: float, segment: bool) -> np.ndarray:
     """The path [P, 2], from its end back through the cells from which each was reached. totals: [F + G - 1, F]."""
     rows = totals.shape[1]
     i, j = rows - 1, columns - 1
@@ -105,8 +107,8 @@ def _traced(totals: np.ndarray, columns: int, stall: float, segment: bool) -> np
     path = [(i, j)]
     while i > 0 or (j > 0 and not segment):
         both = totals[i + j - 2, i - 1] if i > 0 and j > 0 else np.inf
-        first = totals[i + j - 1, i - 1] + stall if i > 0 else np.inf
-        second = totals[i + j - 1, i] + stall if j > 0 and (i > 0 or not segment) else np.inf
+        first = totals[i + j - 1, i - 1] + step_penalty if i > 0 else np.inf
+        second = totals[i + j - 1, i] + step_penalty if j > 0 and (i > 0 or not segment) else np.inf
         if both <= min(first, second):
             i, j = i - 1, j - 1
         elif first <= second:
@@ -161,10 +163,10 @@ def pose_velocity_features(motion: Motion, centred: bool = True) -> Tensor:
     places = motion.positions()
     back = rot.yaw_to_quaternion(-facing_of(motion.skeleton, places, motion.world_rotations()))[:, None]
     root = places[:, motion.skeleton.pelvis] * places.new_tensor([1.0, 0.0, 1.0])
-    seen = rot.quaternion_rotate(back, places - root[:, None]).flatten(1) / max(motion.skeleton.height, 1e-6)
-    speed = torch.gradient(seen, dim=0)[0] if len(seen) > 1 else torch.zeros_like(seen)
-    found = torch.cat((seen - seen.mean(0) if centred else seen, speed * (_PACE * motion.fps)), 1)
-    return found / found.square().mean().sqrt().clamp(min=1e-4) if centred else found
+    pose = rot.quaternion_rotate(back, places - root[:, None]).flatten(1) / max(motion.skeleton.height, 1e-6)
+    speed = torch.gradient(pose, dim=0)[0] if len(pose) > 1 else torch.zeros_like(pose)
+    features = torch.cat((pose - pose.mean(0) if centred else pose, speed * (_PACE * motion.fps)), 1)
+    return features / features.square().mean().sqrt().clamp(min=1e-4) if centred else features
 
 
 def step_penalty_for(costs: Tensor) -> float:
@@ -173,10 +175,10 @@ def step_penalty_for(costs: Tensor) -> float:
     >>> round(step_penalty_for(torch.ones(3, 4)), 3)
     0.1
     """
-    return _STALL * float(costs.mean())
+    return _STEP_PENALTY * float(costs.mean())
 
 
-def align(reference: Motion, other: Motion, segment: bool = False) -> Tensor:
+def align(reference: Motion, other: Motion, *, segment: bool = False) -> Tensor:
     """For each frame of the reference the frame of another clip in which the same is done: fractional numbers [F].
 
     Both on one skeleton tree and at one frame rate. segment: the other clip holds more than the reference; the best
@@ -197,4 +199,4 @@ def align(reference: Motion, other: Motion, segment: bool = False) -> Tensor:
             "mk.retarget and Motion.resample"
         )
     costs = torch.cdist(pose_velocity_features(reference), pose_velocity_features(other))
-    return warp(dtw(costs, stall=step_penalty_for(costs), segment=segment), EVEN * reference.fps)
+    return warp(dtw(costs, step_penalty=step_penalty_for(costs), segment=segment), EVEN * reference.fps)

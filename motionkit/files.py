@@ -102,9 +102,9 @@ def cache_folder() -> Path:
     >>> cache_folder().is_absolute()
     True
     """
-    given = os.environ.get("MOTIONKIT_CACHE")
-    if given:
-        return Path(given).expanduser()
+    folder = os.environ.get("MOTIONKIT_CACHE")
+    if folder:
+        return Path(folder).expanduser()
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "motionkit"
     if sys.platform == "darwin":

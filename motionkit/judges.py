@@ -18,7 +18,7 @@ from .errors import MotionKitError, motion_inside
 from .features.canonical import canonicalize, forward_difference
 from .layers import StGcn, StGcnConfig
 from .metrics import recognition_accuracy
-from .motion import Motion, in_order
+from .motion import Motion
 from .skeleton import Skeleton
 from .training import TrainConfig, TrainOrder, fit
 
@@ -37,7 +37,7 @@ def prepare(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
     """
     if not isinstance(motion, Motion):
         raise MotionKitError(f"{who} judges motions; found {motion!r}{motion_inside(motion)}")
-    body = in_order(motion.without_helper_joints(), skeleton)
+    body = motion.without_helper_joints().reorder(skeleton)
     if not body.skeleton.same_tree(skeleton):
         odd = sorted(set(body.skeleton.names) ^ set(skeleton.names)) or ["the joints' parents"]
         raise MotionKitError(

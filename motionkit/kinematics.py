@@ -1,4 +1,4 @@
-"""Forward kinematics: from local rotations and translations to places in the world, level by level."""
+"""Forward kinematics: from local rotations and translations to places and rotations in the world, level by level."""
 
 from __future__ import annotations
 
@@ -10,49 +10,6 @@ from .errors import MotionKitError
 from .skeleton import Skeleton
 
 _CHUNK = 16384  # frames at a time, so that memory stays bounded however long the clip
-
-
-def _matrix_planes(q: Tensor) -> Tensor:
-    """Quaternions [4, J, N] to matrices [3, 3, J, N]; entries are contiguous planes: they vectorise."""
-    w, x, y, z = q
-    x2, y2, z2 = x + x, y + y, z + z
-    xx, yy, zz, xy, xz, yz = x * x2, y * y2, z * z2, x * y2, x * z2, y * z2
-    wx, wy, wz = w * x2, w * y2, w * z2
-    entries = (
-        1 - (yy + zz),
-        xy - wz,
-        xz + wy,
-        xy + wz,
-        1 - (xx + zz),
-        yz - wx,
-        xz - wy,
-        yz + wx,
-        1 - (xx + yy),
-    )
-    return torch.stack(entries).unflatten(0, (3, 3))
-
-
-def _positions(skeleton: Skeleton, q: Tensor, t: Tensor) -> Tensor:
-    """Local quaternions [4, J, N] and translations [3, J, N] to places [3, J, N]; joints in level order."""
-    local = _matrix_planes(q)
-    turn, place = local[:, :, :1], t[:, :1]  # the root: [3, 3, 1, N] and [3, 1, N]
-    places, start = [place], 1
-    for above, inner in skeleton.level_plan:
-        above = above.to(q.device)
-        stop = start + len(above)
-        up = turn if len(above) == turn.shape[2] == 1 else turn.index_select(2, above)
-        move = t[:, start:stop]
-        place = place if len(above) == place.shape[1] == 1 else place.index_select(1, above)
-        for k in range(3):
-            place = torch.addcmul(place, up[:, k], move[k])
-        if inner:  # leaves turn nothing, so only the first `inner` joints of a level need their matrix
-            up, down = up[:, :, :inner], local[:, :, start : start + inner]
-            turn = up[:, 0, None] * down[0]
-            for k in (1, 2):
-                turn = torch.addcmul(turn, up[:, k, None], down[k])
-        places.append(place)
-        start = stop
-    return torch.cat(places, 1)
 
 
 def forward_kinematics(skeleton: Skeleton, rotations: Tensor, translations: Tensor) -> Tensor:
@@ -93,6 +50,49 @@ def _positions_of_chunk(skeleton: Skeleton, q: Tensor, t: Tensor) -> Tensor:
     q = q.flatten(1).t().contiguous().index_select(0, q_rows).reshape(4, joints, frames)
     t = t.flatten(1).t().contiguous().index_select(0, t_rows).reshape(3, joints, frames)
     return _positions(skeleton, q, t).index_select(1, back).permute(2, 1, 0)
+
+
+def _positions(skeleton: Skeleton, q: Tensor, t: Tensor) -> Tensor:
+    """Local quaternions [4, J, N] and translations [3, J, N] to places [3, J, N]; joints in level order."""
+    local = _matrix_planes(q)
+    turn, place = local[:, :, :1], t[:, :1]  # the root: [3, 3, 1, N] and [3, 1, N]
+    places, start = [place], 1
+    for above, inner in skeleton.level_plan:
+        above = above.to(q.device)
+        stop = start + len(above)
+        up = turn if len(above) == turn.shape[2] == 1 else turn.index_select(2, above)
+        move = t[:, start:stop]
+        place = place if len(above) == place.shape[1] == 1 else place.index_select(1, above)
+        for k in range(3):
+            place = torch.addcmul(place, up[:, k], move[k])
+        if inner:  # leaves turn nothing, so only the first `inner` joints of a level need their matrix
+            up, down = up[:, :, :inner], local[:, :, start : start + inner]
+            turn = up[:, 0, None] * down[0]
+            for k in (1, 2):
+                turn = torch.addcmul(turn, up[:, k, None], down[k])
+        places.append(place)
+        start = stop
+    return torch.cat(places, 1)
+
+
+def _matrix_planes(q: Tensor) -> Tensor:
+    """Quaternions [4, J, N] to matrices [3, 3, J, N]; entries are contiguous planes: they vectorise."""
+    w, x, y, z = q
+    x2, y2, z2 = x + x, y + y, z + z
+    xx, yy, zz, xy, xz, yz = x * x2, y * y2, z * z2, x * y2, x * z2, y * z2
+    wx, wy, wz = w * x2, w * y2, w * z2
+    entries = (
+        1 - (yy + zz),
+        xy - wz,
+        xz + wy,
+        xy + wz,
+        1 - (xx + zz),
+        yz - wx,
+        xz - wy,
+        yz + wx,
+        1 - (xx + yy),
+    )
+    return torch.stack(entries).unflatten(0, (3, 3))
 
 
 def world_rotations(skeleton: Skeleton, rotations: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""Joints in another order: a BVH file writes them depth first, a dataset may count them otherwise."""
+"""A clip of motion: frames on a skeleton, cut, resampled, moved about, reordered, mirrored and joined."""
 
 from __future__ import annotations
 
@@ -14,30 +14,6 @@ from . import kinematics
 from . import rotations as rot
 from .errors import MotionKitError
 from .skeleton import Skeleton
-
-
-def in_order(motion: Motion, like: Skeleton) -> Motion:
-    """The motion with its joints in another skeleton's order, if they are the same ones; else as it is.
-
-    >>> import motionkit as mk
-    >>> walk, like = mk.load("data/actor/walk_neutral.bvh"), mk.skeleton.smpl()
-    >>> walk.skeleton.names[4], in_order(walk, like).skeleton.names[4]
-    ('left_foot', 'left_knee')
-    """
-    own = motion.skeleton
-    if own.names == like.names or sorted(own.names) != sorted(like.names):
-        return motion
-    order = [own.index(name) for name in like.names]
-    parents = tuple(-1 if own.parents[j] < 0 else like.names.index(own.names[own.parents[j]]) for j in order)
-    if parents != like.parents:
-        return motion
-    skeleton = Skeleton(like.names, parents, own.offsets[order])
-    return motion.replace(
-        skeleton=skeleton, rotations=motion.rotations[:, order], translations=motion.translations[:, order]
-    )
-
-
-UP = (0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,11 +128,11 @@ class Motion:
         """Where the body faces, yaw [F] in radians, 0 along +Z (see `facing_of`)."""
         return facing_of(self.skeleton, self.positions(), self.world_rotations())
 
-    def resample(self, fps: float, smooth: bool = False) -> Motion:
+    def resample(self, fps: float, *, smooth: bool = False) -> Motion:
         """The same motion at another frame rate: slerp for rotations, straight lines for translations.
 
         The first frame stays; the last one is the last time that both rates share or precede. Straight lines have a
-        corner at every frame they go through, which a higher rate shows; smooth: as in `at`, without.
+        corner at every frame they go through, which a higher rate shows; smooth: as in `sample`, without.
         """
         if not isinstance(fps, int | float) or not fps > 0:
             raise MotionKitError(f"cannot resample to {fps!r} fps; give a number above 0")
@@ -164,16 +140,16 @@ class Motion:
             return self.replace(fps=float(fps))
         count = int((len(self) - 1) / self.fps * fps + 1e-6) + 1
         times = torch.arange(count, dtype=torch.float64) * (self.fps / fps)
-        return self.sample(times, smooth).replace(fps=float(fps))
+        return self.sample(times, smooth=smooth).replace(fps=float(fps))
 
-    def sample(self, frames: Tensor, smooth: bool = False) -> Motion:
+    def sample(self, frames: Tensor, *, smooth: bool = False) -> Motion:
         """The motion read at fractional frame numbers [N], clamped to its ends; slerp in between.
 
         smooth: by cubic splines through all frames instead (of quaternions, made unit again).
 
         >>> import motionkit as mk
         >>> walk = mk.load("data/actor/walk_neutral.bvh")
-        >>> lines, curves = (mk.metrics.jitter(walk.resample(60, smooth)) for smooth in (False, True))
+        >>> lines, curves = (mk.metrics.jitter(walk.resample(60, smooth=smooth)) for smooth in (False, True))
         >>> curves < lines / 3
         True
         """
@@ -235,14 +211,57 @@ class Motion:
         translations[:, pelvis] = rot.quaternion_rotate(back, from_above)
         return self.replace(rotations=rotations, translations=translations)
 
-    def mirror(self, mirror_joints: Sequence[int] | None = None) -> Motion:
-        """Left and right exchanged: the motion as a mirror in the plane x = 0 shows it.
+    def reorder(self, skeleton: Skeleton) -> Motion:
+        """The motion with its joints in another skeleton's order, if they are the same ones; else as it is.
 
-        mirror_joints: for each joint its mirror twin, where the names do not tell. Raises MotionKitError where
-        neither tells left from right, or a bone is no mirror image of its twin. See `mirroring`.
+        A BVH file lists joints branch by branch, a dataset may count them otherwise.
+
+        >>> import motionkit as mk
+        >>> walk = mk.load("data/actor/walk_neutral.bvh")
+        >>> walk.skeleton.names[4], walk.reorder(mk.skeleton.smpl()).skeleton.names[4]
+        ('left_foot', 'left_knee')
         """
+        names, parents = self.skeleton.names, self.skeleton.parents
+        if names == skeleton.names or sorted(names) != sorted(skeleton.names):
+            return self
+        order = [self.skeleton.index(name) for name in skeleton.names]
+        if skeleton.parents != tuple(-1 if parents[j] < 0 else order.index(parents[j]) for j in order):
+            return self
+        return self.replace(
+            skeleton=Skeleton(skeleton.names, skeleton.parents, self.skeleton.offsets[order]),
+            rotations=self.rotations[:, order],
+            translations=self.translations[:, order],
+        )
 
-        return mirror(self, mirror_joints)
+    def mirror(self, mirror_joints: Sequence[int] | None = None) -> Motion:
+        """Left and right exchanged in the plane x = 0; mirroring twice gives the motion back.
+
+        mirror_joints: for each joint the number of its mirror twin, itself on the midline; left out, the skeleton's
+        own. Differentiable in rotations and translations. Raises MotionKitError if left and right cannot be told, or if
+        a bone is no mirror image of its twin.
+
+        >>> offsets = torch.tensor([[0.0, 1, 0], [0.1, 0, 0], [-0.1, 0, 0]])
+        >>> s = Skeleton(("hips", "l_hip", "r_hip"), (-1, 0, 0), offsets)
+        >>> m = Motion.from_root(s, rot.identity_quaternion(1, 3), torch.tensor([[0.5, 1.0, 0.0]]), fps=30)
+        >>> m.mirror().positions()[0, 0]
+        tensor([-0.5000,  1.0000,  0.0000])
+        """
+        mirror_joints = _checked_mirror_joints(self.skeleton, mirror_joints)
+        if not len(self):
+            return self
+        chosen = _choose_flips(self, mirror_joints)
+        _check_bones(self, mirror_joints, chosen)
+        flips = _FLIPS[chosen].to(self.rotations)
+        above = torch.cat((_FLIPS[:1].to(flips), flips[list(self.skeleton.parents[1:])]))  # [J, 3]
+        return self.replace(
+            rotations=_mirror_rotations(self.rotations[:, list(mirror_joints)], above, flips),
+            translations=_mirror_translations(self, mirror_joints, above),
+        )
+
+
+def _splined(rows: Tensor, times: Tensor) -> Tensor:
+    """Rows [F, ...] of at least two frames, read at times [N] by cubic splines."""
+    return torch.from_numpy(CubicSpline(range(len(rows)), rows.detach().double().cpu())(times.cpu())).to(rows)
 
 
 def facing_of(skeleton: Skeleton, positions: Tensor, world: Tensor | None = None) -> Tensor:
@@ -261,15 +280,10 @@ def facing_of(skeleton: Skeleton, positions: Tensor, world: Tensor | None = None
     if pairs:
         left, right = (list(side) for side in zip(*pairs, strict=True))
         across = rot.normalize(positions[:, left] - positions[:, right]).mean(1)
-        return rot.direction_to_yaw(torch.linalg.cross(across, across.new_tensor(UP).expand_as(across)))
+        return rot.direction_to_yaw(torch.linalg.cross(across, across.new_tensor([0.0, 1.0, 0.0]).expand_as(across)))
     if world is None:
         return positions.new_zeros(len(positions))
     return rot.quaternion_to_yaw(world[:, skeleton.pelvis])
-
-
-def _splined(rows: Tensor, times: Tensor) -> Tensor:
-    """Rows [F, ...] of at least two frames, read at times [N] by cubic splines."""
-    return torch.from_numpy(CubicSpline(range(len(rows)), rows.detach().double().cpu())(times.cpu())).to(rows)
 
 
 def left_right_pairs(skeleton: Skeleton) -> list[tuple[int, int]]:
@@ -279,10 +293,10 @@ def left_right_pairs(skeleton: Skeleton) -> list[tuple[int, int]]:
     [(1, 2)]
     """
     roles = skeleton.roles
-    named = [(roles.get(f"left_{r}"), roles.get(f"right_{r}")) for r in ("hip", "shoulder")]
-    found = [(a, b) for a, b in named if a is not None and b is not None]
-    if found or skeleton.mirror_joints is None:
-        return found
+    pairs = [(roles[f"left_{r}"], roles[f"right_{r}"]) for r in ("hip", "shoulder")
+             if f"left_{r}" in roles and f"right_{r}" in roles]  # fmt: skip
+    if pairs or skeleton.mirror_joints is None:
+        return pairs
     return [(n, t) for n, t in enumerate(skeleton.mirror_joints) if skeleton.sides[n] == "left"]
 
 
@@ -319,37 +333,10 @@ _FLIPS = torch.tensor([[-1.0, 1, 1], [1, -1, 1], [1, 1, -1], [-1, -1, -1]], dtyp
 _OFFSET_COST, _HELPER_COST, _UPSIDE_DOWN_COST, _CHANGE_COST = 100.0, 20.0, 0.1, 1e-3
 
 
-def mirror(motion: Motion, mirror_joints: Sequence[int] | None = None) -> Motion:
-    """Left and right exchanged in the plane x = 0; mirroring twice gives the motion back.
-
-    mirror_joints: for each joint the number of its mirror twin, itself on the midline; left out, the skeleton's
-    own. Differentiable in rotations and translations. Raises MotionKitError if left and right cannot be
-    told, or if a bone is no mirror image of its twin.
-
-    >>> offsets = torch.tensor([[0.0, 1, 0], [0.1, 0, 0], [-0.1, 0, 0]])
-    >>> s = Skeleton(("hips", "l_hip", "r_hip"), (-1, 0, 0), offsets)
-    >>> m = Motion.from_root(s, rot.identity_quaternion(1, 3), torch.tensor([[0.5, 1.0, 0.0]]), fps=30)
-    >>> mirror(m).positions()[0, 0]
-    tensor([-0.5000,  1.0000,  0.0000])
-    """
-    skeleton = motion.skeleton
-    mirror_joints = _checked_mirror_joints(skeleton, mirror_joints)
-    if not len(motion):
-        return motion
-    chosen = _choose_flips(motion, mirror_joints)
-    _check_bones(motion, mirror_joints, chosen)
-    flips = _FLIPS[chosen].to(motion.rotations)
-    above = torch.cat((_FLIPS[:1].to(flips), flips[list(skeleton.parents[1:])]))  # [J, 3]
-    return motion.replace(
-        rotations=_mirror_rotations(motion.rotations[:, list(mirror_joints)], above, flips),
-        translations=_mirror_translations(motion, mirror_joints, above),
-    )
-
-
-def _checked_mirror_joints(skeleton: Skeleton, given: Sequence[int] | None) -> tuple[int, ...]:
+def _checked_mirror_joints(skeleton: Skeleton, wanted: Sequence[int] | None) -> tuple[int, ...]:
     """The mirror joints, made sure of: they pair up, and so do their parents."""
-    mirror_joints = tuple(int(t) for t in (given if given is not None else skeleton.mirror_joints or ()))
-    nobody = given is None and set(skeleton.sides) == {"middle"} and max(map(len, skeleton.children)) > 1
+    mirror_joints = tuple(int(t) for t in (wanted if wanted is not None else skeleton.mirror_joints or ()))
+    nobody = wanted is None and set(skeleton.sides) == {"middle"} and max(map(len, skeleton.children)) > 1
     in_range = len(mirror_joints) == len(skeleton) and all(0 <= t < len(skeleton) for t in mirror_joints)
     if nobody or not in_range or any(mirror_joints[t] != n for n, t in enumerate(mirror_joints)):
         raise MotionKitError(

@@ -1,4 +1,4 @@
-"""Unit quaternions `w x y z`: the algebra that `rotations` builds on, and hands on under its own name.
+"""Rotations: unit quaternions `w x y z`, matrices, 6D, rotation vectors and Euler angles, from each to the other.
 
 `q` and `-q` are the same rotation. Angles are radians. Any batch dimensions, float32 and float64, and no NaN
 in values or gradients at 0 and at pi.

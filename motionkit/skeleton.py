@@ -1,14 +1,16 @@
-"""What joint names say: which side a joint is on, its mirror twin, and the part it plays in a body.
+"""Skeletons: joints with parents and offsets, what their names say, and SMPL's.
 
-Names differ from studio to studio (`LeftUpLeg`, `l_hip`, `UpperLeg_L`, `mixamorig:LeftArm`, `lfemur`). They
-are cut into words, the side word is taken out, and the rest is looked up in `ROLE_WORDS`.
+Names differ from studio to studio (`LeftUpLeg`, `l_hip`, `UpperLeg_L`, `mixamorig:LeftArm`, `lfemur`). They are cut
+into words, the side word is taken out, and the rest is looked up in `ROLE_WORDS`: so a skeleton knows which joints are
+left or right, which mirror each other, and which part each plays.
 """
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import torch
@@ -17,113 +19,6 @@ from torch import Tensor
 from .errors import MotionKitError
 
 LEFT, RIGHT, MIDDLE = "left", "right", "middle"
-_SIDE_WORDS = {"left": LEFT, "l": LEFT, "right": RIGHT, "r": RIGHT}
-_WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
-
-# For each role the words that may name it, best first: "leg" is a knee only where nobody says "knee".
-ROLE_WORDS = {
-    "hip": ("upleg", "upperleg", "thigh", "femur", "hip"),
-    "knee": ("lowerleg", "lowleg", "knee", "shin", "calf", "tibia", "leg"),
-    "ankle": ("ankle", "foot"),
-    "toe": ("toebase", "toes", "toe", "ball", "foot"),
-    "shoulder": ("upperarm", "uparm", "arm", "humerus", "shoulder"),
-    "elbow": ("lowerarm", "lowarm", "forearm", "elbow", "radius"),
-    "wrist": ("hand", "wrist"),
-}
-
-
-def words(name: str) -> list[str]:
-    """A joint name cut into lower-case words, without a namespace such as `mixamorig:`.
-
-    >>> words("mixamorig:LeftUpLeg"), words("UpperLeg_L")
-    (['left', 'up', 'leg'], ['upper', 'leg', 'l'])
-    """
-    return [w.lower() for w in _WORD.findall(name.rsplit(":", 1)[-1])]
-
-
-def split_sides(names: Sequence[str]) -> tuple[list[str], list[str]]:
-    """For each name its side and the name without the side word.
-
-    A leading `l` or `r` inside a word (`lfemur`) counts only where the twin (`rfemur`) exists.
-
-    >>> split_sides(["Hips", "LeftFoot", "lfemur", "rfemur", "lowerback"])
-    (['middle', 'left', 'left', 'right', 'middle'], ['hips', 'foot', 'femur', 'femur', 'lowerback'])
-    """
-    sides, bare = _split_sides(tuple(names))
-    return list(sides), list(bare)
-
-
-@lru_cache(maxsize=256)  # every clip of a dataset has the same names
-def _split_sides(names: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    sides, bare = [], []
-    everything = {"".join(words(n)) for n in names}
-    for name in names:
-        parts = words(name)
-        marks = [w for w in parts if w in _SIDE_WORDS]
-        joined = "".join(parts)
-        twin = {"l": "r", "r": "l"}.get(joined[:1], "") + joined[1:]
-        if marks:
-            sides.append(_SIDE_WORDS[marks[0]])
-            parts.remove(marks[0])
-            bare.append("".join(parts))
-        elif joined[:1] in ("l", "r") and len(joined) > 1 and twin in everything:
-            sides.append(_SIDE_WORDS[joined[0]])
-            bare.append(joined[1:])
-        else:
-            sides.append(MIDDLE)
-            bare.append(joined)
-    return tuple(sides), tuple(bare)
-
-
-def find_mirror_joints(names: Sequence[str]) -> tuple[int, ...] | None:
-    """For each joint the number of its mirror twin (itself on the midline), or None if a twin is missing.
-
-    >>> find_mirror_joints(["Hips", "LeftFoot", "RightFoot"])
-    (0, 2, 1)
-    """
-    return _find_twins(tuple(names))
-
-
-@lru_cache(maxsize=256)
-def _find_twins(names: tuple[str, ...]) -> tuple[int, ...] | None:
-    sides, bare = _split_sides(names)
-    place: dict[tuple[str, str], list[int]] = {}
-    for n, key in enumerate(zip(sides, bare, strict=True)):
-        place.setdefault(key, []).append(n)
-    other = {LEFT: RIGHT, RIGHT: LEFT}
-    mirror_joints = []
-    for n, (side, name) in enumerate(zip(sides, bare, strict=True)):
-        if side == MIDDLE:
-            mirror_joints.append(n)
-            continue
-        here, there = place[side, name], place.get((other[side], name), [])
-        if len(here) != len(there):
-            return None
-        mirror_joints.append(there[here.index(n)])
-    return tuple(mirror_joints)
-
-
-def find_roles(names: Sequence[str]) -> dict[str, int]:
-    """Which joint plays which part: `left_hip`, `left_knee`, ... `right_wrist`; parts not found are left out.
-
-    >>> names = "Hips LHipJoint LeftUpLeg LeftLeg LeftFoot LeftToeBase LeftShoulder LeftArm"
-    >>> roles = find_roles(names.split())
-    >>> roles["left_hip"], roles["left_knee"], roles["left_shoulder"]
-    (2, 3, 7)
-    """
-    sides, bare = _split_sides(tuple(names))
-    roles: dict[str, int] = {}
-    for side in (LEFT, RIGHT):
-        mine = {b: n for n, (s, b) in enumerate(zip(sides, bare, strict=True)) if s == side}
-        taken: set[int] = set()
-        for role, candidates in ROLE_WORDS.items():
-            found = next((mine[w] for w in candidates if w in mine and mine[w] not in taken), None)
-            if found is not None:
-                roles[f"{side}_{role}"] = found
-                taken.add(found)
-    return roles
-
-
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 
 
@@ -148,28 +43,24 @@ class Skeleton:
     offsets: Tensor
     channels: tuple[tuple[str, ...], ...] = ()
     end_sites: tuple[tuple[int, tuple[float, float, float]], ...] = ()
-    mirror_joints: tuple[int, ...] | None = field(default=None)
+    mirror_joints: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
         if not self.channels:
             turns = ("Zrotation", "Xrotation", "Yrotation")
-            object.__setattr__(
-                self, "channels", tuple((POSITION_CHANNELS if p < 0 else ()) + turns for p in self.parents)
-            )
+            channels = tuple((POSITION_CHANNELS if p < 0 else ()) + turns for p in self.parents)
+            object.__setattr__(self, "channels", channels)
         if self.mirror_joints is None:
             object.__setattr__(self, "mirror_joints", find_mirror_joints(self.names))
-        self._check()
-
-    def _check(self) -> None:
         count = len(self.names)
         if not count:
             raise MotionKitError("a skeleton needs at least one joint; found none")
         sizes = {"parents": len(self.parents), "offsets": len(self.offsets), "channels": len(self.channels)}
         if self.mirror_joints is not None:
             sizes["mirror_joints"] = len(self.mirror_joints)
-        for what, found in sizes.items():
-            if found != count:
-                raise MotionKitError(f"skeleton: expected {count} {what}, one for each joint name; found {found}")
+        for what, size in sizes.items():
+            if size != count:
+                raise MotionKitError(f"skeleton: expected {count} {what}, one for each joint name; found {size}")
         if len(set(self.names)) != count:
             double = next(n for n in self.names if self.names.count(n) > 1)
             raise MotionKitError(f"skeleton: joint {double!r} appears twice; give every joint a name of its own")
@@ -190,8 +81,6 @@ class Skeleton:
         """The number of a joint; MotionKitError names the nearest names if there is none of that name."""
         if name in self.names:
             return self.names.index(name)
-        import difflib
-
         near = difflib.get_close_matches(name, self.names, 3, 0.3) or list(self.names[:5])
         raise MotionKitError(
             f"no joint {name!r}; did you mean {', '.join(map(repr, near))}? All: {', '.join(self.names)}"
@@ -214,10 +103,10 @@ class Skeleton:
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
         """For each joint the numbers of its children."""
-        found: list[list[int]] = [[] for _ in self.names]
+        children: list[list[int]] = [[] for _ in self.names]
         for n, parent in enumerate(self.parents[1:], 1):
-            found[parent].append(n)
-        return tuple(map(tuple, found))
+            children[parent].append(n)
+        return tuple(map(tuple, children))
 
     @cached_property
     def adjacency(self) -> Tensor:
@@ -226,10 +115,10 @@ class Skeleton:
         >>> smpl().adjacency.sum(1)[:4]
         tensor([3, 2, 2, 2])
         """
-        found = torch.zeros(len(self), len(self), dtype=torch.bool)
+        adjacency = torch.zeros(len(self), len(self), dtype=torch.bool)
         for child, parent in enumerate(self.parents[1:], 1):
-            found[child, parent] = found[parent, child] = True
-        return found
+            adjacency[child, parent] = adjacency[parent, child] = True
+        return adjacency
 
     @cached_property
     def levels(self) -> tuple[tuple[int, ...], ...]:
@@ -264,14 +153,14 @@ class Skeleton:
 
     def descendants(self, joint: int) -> list[int]:
         """A joint and all joints that hang on it, in order."""
-        found = {joint}
+        joints = {joint}
         for n in range(joint + 1, len(self)):
-            if self.parents[n] in found:
-                found.add(n)
-        return sorted(found)
+            if self.parents[n] in joints:
+                joints.add(n)
+        return sorted(joints)
 
     def subtree(self, joints: list[int]) -> Skeleton:
-        """The skeleton of some joints (as from `below`), the first of which becomes the root."""
+        """The skeleton of some joints (as from `descendants`), the first of which becomes the root."""
         place = {j: n for n, j in enumerate(joints)}
         return Skeleton(
             tuple(self.names[j] for j in joints),
@@ -363,6 +252,113 @@ class Skeleton:
         return tuple(sorted({j for t in tips for j in (self.parents[t], t) if j in legs}))
 
 
+_SIDE_WORDS = {"left": LEFT, "l": LEFT, "right": RIGHT, "r": RIGHT}
+_WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
+
+# For each role the words that may name it, best first: "leg" is a knee only where nobody says "knee".
+ROLE_WORDS = {
+    "hip": ("upleg", "upperleg", "thigh", "femur", "hip"),
+    "knee": ("lowerleg", "lowleg", "knee", "shin", "calf", "tibia", "leg"),
+    "ankle": ("ankle", "foot"),
+    "toe": ("toebase", "toes", "toe", "ball", "foot"),
+    "shoulder": ("upperarm", "uparm", "arm", "humerus", "shoulder"),
+    "elbow": ("lowerarm", "lowarm", "forearm", "elbow", "radius"),
+    "wrist": ("hand", "wrist"),
+}
+
+
+def words(name: str) -> list[str]:
+    """A joint name cut into lower-case words, without a namespace such as `mixamorig:`.
+
+    >>> words("mixamorig:LeftUpLeg"), words("UpperLeg_L")
+    (['left', 'up', 'leg'], ['upper', 'leg', 'l'])
+    """
+    return [w.lower() for w in _WORD.findall(name.rsplit(":", 1)[-1])]
+
+
+def split_sides(names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """For each name its side and the name without the side word.
+
+    A leading `l` or `r` inside a word (`lfemur`) counts only where the twin (`rfemur`) exists.
+
+    >>> split_sides(["Hips", "LeftFoot", "lfemur", "rfemur", "lowerback"])
+    (['middle', 'left', 'left', 'right', 'middle'], ['hips', 'foot', 'femur', 'femur', 'lowerback'])
+    """
+    sides, bare = _split_sides(tuple(names))
+    return list(sides), list(bare)
+
+
+@lru_cache(maxsize=256)  # every clip of a dataset has the same names
+def _split_sides(names: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    sides, bare = [], []
+    everything = {"".join(words(n)) for n in names}
+    for name in names:
+        parts = words(name)
+        marks = [w for w in parts if w in _SIDE_WORDS]
+        joined = "".join(parts)
+        twin = {"l": "r", "r": "l"}.get(joined[:1], "") + joined[1:]
+        if marks:
+            sides.append(_SIDE_WORDS[marks[0]])
+            parts.remove(marks[0])
+            bare.append("".join(parts))
+        elif joined[:1] in ("l", "r") and len(joined) > 1 and twin in everything:
+            sides.append(_SIDE_WORDS[joined[0]])
+            bare.append(joined[1:])
+        else:
+            sides.append(MIDDLE)
+            bare.append(joined)
+    return tuple(sides), tuple(bare)
+
+
+def find_mirror_joints(names: Sequence[str]) -> tuple[int, ...] | None:
+    """For each joint the number of its mirror twin (itself on the midline), or None if a twin is missing.
+
+    >>> find_mirror_joints(["Hips", "LeftFoot", "RightFoot"])
+    (0, 2, 1)
+    """
+    return _find_mirror_joints(tuple(names))
+
+
+@lru_cache(maxsize=256)
+def _find_mirror_joints(names: tuple[str, ...]) -> tuple[int, ...] | None:
+    sides, bare = _split_sides(names)
+    place: dict[tuple[str, str], list[int]] = {}
+    for n, key in enumerate(zip(sides, bare, strict=True)):
+        place.setdefault(key, []).append(n)
+    other = {LEFT: RIGHT, RIGHT: LEFT}
+    mirror_joints = []
+    for n, (side, name) in enumerate(zip(sides, bare, strict=True)):
+        if side == MIDDLE:
+            mirror_joints.append(n)
+            continue
+        same_side, other_side = place[side, name], place.get((other[side], name), [])
+        if len(same_side) != len(other_side):
+            return None
+        mirror_joints.append(other_side[same_side.index(n)])
+    return tuple(mirror_joints)
+
+
+def find_roles(names: Sequence[str]) -> dict[str, int]:
+    """Which joint plays which part: `left_hip`, `left_knee`, ... `right_wrist`; parts not found are left out.
+
+    >>> names = "Hips LHipJoint LeftUpLeg LeftLeg LeftFoot LeftToeBase LeftShoulder LeftArm"
+    >>> roles = find_roles(names.split())
+    >>> roles["left_hip"], roles["left_knee"], roles["left_shoulder"]
+    (2, 3, 7)
+    """
+    sides, bare = _split_sides(tuple(names))
+    roles: dict[str, int] = {}
+    for side in (LEFT, RIGHT):
+        mine = {b: n for n, (s, b) in enumerate(zip(sides, bare, strict=True)) if s == side}
+        taken: set[int] = set()
+        for role, candidates in ROLE_WORDS.items():
+            joint = next((mine[w] for w in candidates if w in mine and mine[w] not in taken), None)
+            if joint is not None:
+                roles[f"{side}_{role}"] = joint
+                taken.add(joint)
+    return roles
+
+
 # SMPL's 22 body joints in their usual order: name, parent, offset in shares of the body's height, in T-pose. Lengths
 # are those of Drillis and Contini 1966 (as in Winter 2009, fig. 4.1): ankle 0.039, knee 0.285, hip 0.530, shoulder
 # 0.818 above the ground; upper arm 0.186, forearm 0.146, hand 0.108, foot 0.152 long. The spine's joints, which they
@@ -412,13 +408,13 @@ def smpl(height: float = 1.75, broad: float = 0.0, dtype: torch.dtype = torch.fl
     """
     names = tuple(name for name, _, _ in _SMPL)
     shares = {name: share for name, _, share in _SMPL if share}
-    offsets = [_placed(name, shares, height, broad) for name in names]
-    ends = tuple((names.index(name), tuple(_placed(name, _SMPL_ENDS, height))) for name in _SMPL_ENDS)
+    offsets = [_offset(name, shares, height, broad) for name in names]
+    ends = tuple((names.index(name), tuple(_offset(name, _SMPL_ENDS, height))) for name in _SMPL_ENDS)
     return Skeleton(names, tuple(p for _, p, _ in _SMPL), torch.tensor(offsets, dtype=dtype), end_sites=ends)
 
 
-def _placed(name: str, shares: dict, height: float, broad: float = 0.0) -> list[float]:
+def _offset(name: str, shares: dict, height: float, broad: float = 0.0) -> list[float]:
     """A joint's offset in metres; a right one's mirrors the left one's."""
     x, y, z = shares[name.replace("right_", "left_")]
-    wide = (1 + broad) if name.endswith(_WIDER) else 1.0
-    return [height * share for share in (-x * wide if name.startswith("right") else x * wide, y, z)]
+    width = (1 + broad) if name.endswith(_WIDER) else 1.0
+    return [height * share for share in (-x * width if name.startswith("right") else x * width, y, z)]

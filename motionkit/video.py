@@ -20,11 +20,15 @@ from . import rotations as rot
 from .errors import MotionKitError
 from .features.canonical import motion_from_positions
 from .motion import Motion
-from .skeleton import Skeleton, find_roles, smpl, words
+from .skeleton import LEFT, RIGHT, Skeleton, find_roles, smpl, words
 
 CUTOFF = 3.0  # Hz (paper 1, section 5.1)
+SURE = 0.5  # how visible a joint must be to count as seen
+MODEL = "pose_landmarker_full.task"
+MODEL_PAGE = "https://ai.google.dev/edge/mediapipe/solutions/vision/pose_landmarker"
 _LONGEST_GAP = 0.3  # seconds
-_NEEDED = tuple(f"{s}_{r}" for r in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist") for s in ("left", "right"))
+SIDES = (LEFT, RIGHT)
+_NEEDED = tuple(f"{s}_{r}" for r in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist") for s in SIDES)
 _TOES = 0.12  # of the leg: how far in front of the ankle a toe stands where no estimator saw it
 
 
@@ -63,9 +67,9 @@ def fill_gaps(points: Tensor, names: Sequence[str], fps: float) -> Tensor:
     tensor([1., 0., 0.], dtype=torch.float64)
     """
     points = points.detach().double().clone()
-    seen, frames = points.isfinite().all(-1).numpy(), np.arange(len(points))
-    for joint in np.flatnonzero(~seen.all(0)):
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], ~seen[:, joint], [0])).astype(int)))
+    visible, frames = points.isfinite().all(-1).numpy(), np.arange(len(points))
+    for joint in np.flatnonzero(~visible.all(0)):
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], ~visible[:, joint], [0])).astype(int)))
         for start, stop in zip(edges[::2], edges[1::2]):
             if stop - start > _LONGEST_GAP * fps + 1e-6:
                 seconds = (stop - start) / fps
@@ -73,9 +77,9 @@ def fill_gaps(points: Tensor, names: Sequence[str], fps: float) -> Tensor:
                     f"keypoint {names[joint]!r} is missing from frame {start} to {stop - 1}, {seconds:.2f} s; gaps "
                     f"of up to {_LONGEST_GAP:g} s are filled: cut the clip there"
                 )
-        there = seen[:, joint]
+        known = visible[:, joint]
         for axis in range(3):
-            row = np.interp(frames, frames[there], points[there, joint, axis].numpy())
+            row = np.interp(frames, frames[known], points[known, joint, axis].numpy())
             points[:, joint, axis] = torch.from_numpy(row)
     return points
 
@@ -127,35 +131,35 @@ def _upright(points: Tensor, roles: dict[str, int]) -> Tensor:
 def _as_smpl(points: Tensor, roles: dict[str, int], names: list[str], skeleton: Skeleton) -> Tensor:
     """Places of SMPL's joints [F, 22, 3], as large as its skeleton, the pelvis at the origin."""
     leg = sum((points[:, roles[f"{s}_{a}"]] - points[:, roles[f"{s}_{b}"]]).norm(dim=-1).mean()
-              for s in ("left", "right") for a, b in (("hip", "knee"), ("knee", "ankle")))  # fmt: skip
-    wanted = {name: n for n, name in enumerate(skeleton.names)}
-    own = sum(skeleton.offsets[wanted[f"{s}_{j}"]].norm() for s in ("left", "right") for j in ("knee", "ankle"))
+              for s in SIDES for a, b in (("hip", "knee"), ("knee", "ankle")))  # fmt: skip
+    number = {name: n for n, name in enumerate(skeleton.names)}
+    smpl_leg = sum(skeleton.offsets[number[f"{s}_{j}"]].norm() for s in SIDES for j in ("knee", "ankle"))
     pelvis, neck = _middle(points, roles, "hip"), _middle(points, roles, "shoulder")
-    scale = float(own / leg)
-    seen = scale * (points - pelvis[:, None])
-    up, across = scale * (neck - pelvis), seen[:, roles["left_hip"]] - seen[:, roles["right_hip"]]
+    scale = float(smpl_leg / leg)
+    scaled = scale * (points - pelvis[:, None])
+    up, across = scale * (neck - pelvis), scaled[:, roles["left_hip"]] - scaled[:, roles["right_hip"]]
     ahead = rot.normalize(torch.linalg.cross(across, up))
     places = torch.zeros(len(points), len(skeleton), 3, dtype=points.dtype)
     rest = skeleton.offsets.double()
-    heights = {}  # of the trunk's joints, as shares of the way from hips to shoulders
-    for joint in ("spine1", "spine2", "spine3", "neck"):
-        heights[joint] = float(sum(rest[j, 1] for j in skeleton.ancestors(wanted[joint])[:-1]))
-    top = float(sum(rest[j, 1] for j in skeleton.ancestors(wanted["left_shoulder"])[:-1]))
-    for joint, height in heights.items():
-        places[:, wanted[joint]] = up * min(height / top, 1.1)
-    for side in ("left", "right"):
+
+    def height(joint: str) -> float:  # above the pelvis at rest
+        return float(sum(rest[j, 1] for j in skeleton.ancestors(number[joint])[:-1]))
+
+    for joint in ("spine1", "spine2", "spine3", "neck"):  # as shares of the way from hips to shoulders
+        places[:, number[joint]] = up * min(height(joint) / height("left_shoulder"), 1.1)
+    for side in SIDES:
         for role in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist"):
-            places[:, wanted[f"{side}_{role}"]] = seen[:, roles[f"{side}_{role}"]]
+            places[:, number[f"{side}_{role}"]] = scaled[:, roles[f"{side}_{role}"]]
         ankle, toe = roles[f"{side}_ankle"], roles.get(f"{side}_toe")
         if toe in (None, ankle):
-            places[:, wanted[f"{side}_foot"]] = seen[:, ankle] + _TOES * ahead - 0.06 * rot.normalize(up)
+            places[:, number[f"{side}_foot"]] = scaled[:, ankle] + _TOES * ahead - 0.06 * rot.normalize(up)
         else:
-            places[:, wanted[f"{side}_foot"]] = seen[:, toe]
-        collar = 0.3 * seen[:, roles[f"{side}_shoulder"]] + 0.7 * places[:, wanted["neck"]]
-        places[:, wanted[f"{side}_collar"]] = collar
-    skull = next((n for n, one in enumerate(names) if words(one) in (["head"], ["nose"])), None)
-    over = places[:, wanted["neck"]] + 0.25 * up
-    places[:, wanted["head"]] = over if skull is None else seen[:, skull]
+            places[:, number[f"{side}_foot"]] = scaled[:, toe]
+        collar = 0.3 * scaled[:, roles[f"{side}_shoulder"]] + 0.7 * places[:, number["neck"]]
+        places[:, number[f"{side}_collar"]] = collar
+    skull = next((n for n, name in enumerate(names) if words(name) in (["head"], ["nose"])), None)
+    above_neck = places[:, number["neck"]] + 0.25 * up
+    places[:, number["head"]] = above_neck if skull is None else scaled[:, skull]
     return places
 
 
@@ -166,11 +170,6 @@ def _standing(motion: Motion) -> Motion:
     root = torch.zeros(len(motion), 3)
     root[:, 1] = -local[:, feet, 1].amin(1) + 0.02
     return Motion.from_root(motion.skeleton, motion.rotations, root, motion.fps, name=motion.name)
-
-
-SURE = 0.5  # how visible a joint must be to count as seen
-MODEL = "pose_landmarker_full.task"
-MODEL_PAGE = "https://ai.google.dev/edge/mediapipe/solutions/vision/pose_landmarker"
 
 
 def motion_from_video(
@@ -191,13 +190,13 @@ def motion_from_video(
         if not file.is_file():
             hint = f"; download one from {MODEL_PAGE}" if name == "model" else ""
             raise MotionKitError(f"{file}: there is no such {name} file{hint}")
-    points, names, fps = _seen(Path(path), Path(model), sure)
+    points, names, fps = _landmarks(Path(path), Path(model), sure)
     return motion_from_keypoints(points, names, fps, cutoff=cutoff, name=Path(path).stem)
 
 
-def _seen(path: Path, model: Path, sure: float) -> tuple[Tensor, list[str], float]:
+def _landmarks(path: Path, model: Path, sure: float) -> tuple[Tensor, list[str], float]:
     """Points [F, 33, 3] in metres, their names, and the frame rate."""
-    vision, tasks, mediapipe, cv2 = _parts()
+    vision, tasks, mediapipe, cv2 = _import_packages()
     film = cv2.VideoCapture(str(path))
     fps = float(film.get(cv2.CAP_PROP_FPS) or 0)
     if not film.isOpened() or not fps > 0:
@@ -210,15 +209,15 @@ def _seen(path: Path, model: Path, sure: float) -> tuple[Tensor, list[str], floa
         with vision.PoseLandmarker.create_from_options(options) as landmarker:
             while (read := film.read())[0]:
                 image = mediapipe.Image(mediapipe.ImageFormat.SRGB, cv2.cvtColor(read[1], cv2.COLOR_BGR2RGB))
-                found = landmarker.detect_for_video(image, round(1000 * len(frames) / fps))
-                frames.append(points_of(found.pose_world_landmarks, len(vision.PoseLandmark), sure))
+                result = landmarker.detect_for_video(image, round(1000 * len(frames) / fps))
+                frames.append(points_of(result.pose_world_landmarks, len(vision.PoseLandmark), sure))
     except (RuntimeError, ValueError) as error:
         raise MotionKitError(f"{model}: MediaPipe cannot use this model; download it anew ({error})") from error
     finally:
         film.release()
     if len(frames) < 3:
         raise MotionKitError(f"{path}: found {len(frames)} frames; a video of a second or more is needed")
-    return torch.stack(frames), [one.name.lower() for one in vision.PoseLandmark], fps
+    return torch.stack(frames), [landmark.name.lower() for landmark in vision.PoseLandmark], fps
 
 
 def points_of(people: list, count: int, sure: float = SURE) -> Tensor:
@@ -236,7 +235,7 @@ def points_of(people: list, count: int, sure: float = SURE) -> Tensor:
     return torch.tensor(rows, dtype=torch.float32)
 
 
-def _parts() -> tuple:
+def _import_packages() -> tuple:
     names = ("mediapipe.tasks.python.vision", "mediapipe.tasks.python", "mediapipe", "cv2")
     try:
         return tuple(importlib.import_module(name) for name in names)

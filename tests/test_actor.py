@@ -2,10 +2,12 @@
 
 import math
 import warnings
+from pathlib import Path
 
 import pytest
 import torch
 
+import make_styles
 import motionkit as mk
 from motionkit.actor import CONTENTS, Performer, Style, mix, parameters, perform, retell
 from motionkit.actor.bodies import HEEL
@@ -286,3 +288,10 @@ def test_bad_styles_get_one_clear_error():
         Performer(height=12)
     with pytest.raises(mk.MotionKitError, match="not tellings of one score"):
         perform("walk", seed=1, seconds=4).time_aligned(perform("walk", seed=1, seconds=4))
+
+
+def test_the_page_of_styles_agrees_with_the_code():
+    page = (Path(__file__).resolve().parent.parent / "docs" / "styles.md").read_text(encoding="utf-8")
+    assert page == make_styles.markdown(), "run: python tools/make_styles.py > docs/styles.md"
+    assert all(f"| `{name}` |" in page for name in parameters())
+    assert all(f"| {style} |" in page for style in TRAIN_STYLES + HELD_OUT_STYLES)

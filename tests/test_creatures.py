@@ -160,7 +160,7 @@ def test_deeds_look_like_what_they_are_called():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_score_told_again_agrees_beat_by_beat(kind):
-    deed = next(iter(performing.get_creature(kind).species.deeds))
+    deed = next(iter(performing.get_creature(kind).species.actions))
     first = performing.perform_creature(f"walk, {deed}", "neutral", 6, seconds=9, creature=kind)
     other = mk.actor.retell(first, "tired")
     assert other.performer is first.performer and other.score is first.score

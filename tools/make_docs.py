@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import motionkit
-from motionkit.actor.__main__ import markdown as styles
+from make_styles import markdown as styles
 from motionkit.features import FacingFree, Graph, HumanML3D, SixD, StyleERD
 from motionkit.features.layout import Layout
 

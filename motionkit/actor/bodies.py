@@ -152,7 +152,7 @@ class Species:
     legs: tuple[Leg, ...]
     chains: dict[str, tuple[str, ...]]
     gaits: dict[str, str]
-    deeds: dict[str, CreatureAction]
+    actions: dict[str, CreatureAction]
     step: float
     rate: float
     life: Callable
@@ -167,7 +167,7 @@ class Species:
     @property
     def contents(self) -> tuple[str, ...]:
         """All that it can do."""
-        return (*self.gaits, "idle", *self.deeds)
+        return (*self.gaits, "idle", *self.actions)
 
 
 def mirrored(name: str, to_right: bool = True) -> str:

@@ -323,11 +323,11 @@ class Footing:
         self.duty = creature.species.duty
 
     def plan(self) -> list[list[Stand]]:
-        """Steps of the walks first, then those of deeds."""
+        """Steps of the walks first, then those of actions."""
         plans = [self._walk(n, leg) for n, leg in enumerate(self.creature.species.legs)]
         for act in self.score.acts:
-            deed = self.creature.species.deeds.get(act.name)
-            for n, up, down, ahead in deed.steps if deed else ():
+            action = self.creature.species.actions.get(act.name)
+            for n, up, down, ahead in action.steps if action else ():
                 self._again(plans[n], act.start + up, act.start + down, ahead * self.creature.size)
         for stands in plans:
             stands.sort(key=lambda s: s.land)

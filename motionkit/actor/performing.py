@@ -1,9 +1,14 @@
-"""Performing: a content in a style with all that is known of it, and the same intention told in another style."""
+"""Performing: a content in a style with all that is known of it, and the same intention told in another style.
+
+First people, then a person on a rig of 31 joints (`HUMANOID`), then creatures. From a plan to a motion each goes the
+same way: the beats get their seconds, the route and the footsteps are planned, layers add curves, and pose and feet are
+put together.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -11,7 +16,7 @@ import torch
 from torch import Tensor
 
 from .. import rotations as rot
-from ..errors import MotionKitError
+from ..errors import MotionKitError, check
 from ..motion import Motion
 from ..skeleton import Skeleton
 from ..text.captions import performed_captions
@@ -37,7 +42,6 @@ from .score import (
     MotionPlan,
     as_walked,
     beat_seconds,
-    contents_for,
     contents_of,
     fine_axis,
     interpolate,
@@ -45,7 +49,7 @@ from .score import (
     plan_creature_actions,
     seconds_of,
 )
-from .style import Style, get_style, nearest
+from .style import Style, get_style
 
 _AROUND = 6.0  # beats planned before and after what is shown
 
@@ -135,8 +139,14 @@ def perform(
     names, style = contents_of(content), get_style(style)
     check_numbers(seconds, fps, intensity)
     person, wanted = get_performer(performer, seed), style.at(intensity) if intensity != 1 else style
-    score = _fitting(names, int(seed), seconds, wanted, person, checked_path(path))
-    return _perform_plan(score, ", ".join(names), wanted, person, fps, round(seconds * fps))
+    places, own = checked_path(path), person.as_done_by(wanted)
+    score = _plan_seconds(
+        seconds,
+        seconds * 1.85 * own.tempo,
+        lambda beats: plan_actions(names, int(seed), beats, places, seconds),
+        lambda plan, axis: beat_seconds(plan, own, person, axis),
+    )
+    return perform_plan(score, ", ".join(names), wanted, person, fps, round(seconds * fps))
 
 
 def retell(performance: Performance, style: str | Style, intensity: float = 1.0) -> Performance:
@@ -156,60 +166,56 @@ def retell(performance: Performance, style: str | Style, intensity: float = 1.0)
             "For a motion from a file take a method: methods.load('statistics').stylize(...)"
         )
     wanted = get_style(style).at(intensity) if intensity != 1 else get_style(style)
-    told = performance.score, performance.content, wanted, performance.performer, performance.motion.fps
-    if isinstance(performance.performer, Performer):
-        return _perform_plan(*told)
-
-    return perform_plan(*told)
+    return perform_plan(performance.score, performance.content, wanted, performance.performer, performance.motion.fps)
 
 
 def check_numbers(seconds: float, fps: float, intensity: float) -> None:
     """MotionKitError for a length, frame rate or intensity that cannot be performed."""
     for what, value, least in (("seconds", seconds, 0.1), ("fps", fps, 1.0), ("intensity", intensity, -10.0)):
-        if not isinstance(value, int | float) or not math.isfinite(value) or value < least:
-            raise MotionKitError(f"{what}: expected a number of at least {least:g}; found {value!r}")
+        check.number(what, value, least)
     if fps > 1000:
         raise MotionKitError(f"fps: at most 1000; found {fps!r}")
     if seconds > 3600:
         raise MotionKitError(f"seconds: at most 3600 in one performance; found {seconds!r}")
 
 
-def _fitting(
-    names: tuple[str, ...], seed: int, seconds: float, style: Style, person: Performer, path: Tensor | None
+def _plan_seconds(
+    seconds: float,
+    beats: float,
+    plan: Callable[[float], MotionPlan],
+    durations: Callable[[MotionPlan, Tensor], Tensor],
 ) -> MotionPlan:
-    """The score whose performance takes so many seconds: beats and seconds depend on each other, so look twice."""
-    own = person.as_done_by(style)
-    beats = seconds * 1.85 * own.tempo
+    """The score whose performance takes so many seconds: beats and seconds depend on each other, so look again.
+
+    beats: about how many. plan: beats to a score. durations: of its beats on a fine axis, in seconds.
+    """
     for _ in range(8):
-        score = plan_actions(names, seed, beats, path, seconds)
-        taken = _length(score, own, person)
+        score = plan(beats)
+        axis = fine_axis(score.first, score.last)
+        times = seconds_of(axis, durations(score, axis))
+        ends = interpolate(torch.tensor([score.first, score.last], dtype=axis.dtype), axis, times)
+        taken = float(ends[1] - ends[0])
         if abs(taken - seconds) < 1e-3:
             break
         beats *= seconds / taken
     return score
 
 
-def _length(score: MotionPlan, own: Style, person: Performer) -> float:
-    axis = fine_axis(score.first, score.last)
-    times = seconds_of(axis, beat_seconds(score, own, person, axis))
-    ends = interpolate(torch.tensor([score.first, score.last], dtype=axis.dtype), axis, times)
-    return float(ends[1] - ends[0])
-
-
-def _perform_plan(
-    score: MotionPlan, content: str, style: Style, person: Performer, fps: float, frames: int | None = None
+def perform_plan(
+    score: MotionPlan, content: str, style: Style, who: Performer | Creature, fps: float, frames: int | None = None
 ) -> Performance:
-    motion, contacts, beats = synthesize(score, style, person, fps, frames)
-    name = f"{content.replace(', ', '-')}_{style.name}_{score.seed}"
+    """A score as a performance in float32, with its name and captions. frames: left out, all that it holds."""
+    kind = who.name if isinstance(who, Creature) else "person"
+    motion, contacts, beats = (synthesize if kind == "person" else synthesize_creature)(score, style, who, fps, frames)
     motion = replace(
         motion,
         skeleton=motion.skeleton.as_float(),
         rotations=motion.rotations.float(),
         translations=motion.translations.float(),
-        name=name,
+        name=f"{'' if kind == 'person' else f'{kind}_'}{content.replace(', ', '-')}_{style.name}_{score.seed}",
     )
-    told = performed_captions(content, style, score.seed, acts=score.acts)
-    return Performance(motion, contacts, beats, content, style, score.seed, person, score, told)
+    captions = performed_captions(content, style, score.seed, subject=f"a {kind}", acts=score.acts)
+    return Performance(motion, contacts, beats, content, style, score.seed, who, score, captions)
 
 
 def synthesize(
@@ -261,9 +267,9 @@ def _perform_humanoid(
 ) -> Performance:
     """As `motionkit.actor.perform`, on this rig."""
     person = _person_inside(who)
-    told = perform(content, style, seed, seconds=seconds, fps=fps, performer=person, path=path)
-    motion = on_the_rig(told.motion, person).replace(name=f"{who.name}_{told.motion.name}")
-    return replace(told, motion=replace(motion, skeleton=motion.skeleton.as_float()), performer=who)
+    performance = perform(content, style, seed, seconds=seconds, fps=fps, performer=person, path=path)
+    motion = on_the_rig(performance.motion, person).replace(name=f"{who.name}_{performance.motion.name}")
+    return replace(performance, motion=replace(motion, skeleton=motion.skeleton.as_float()), performer=who)
 
 
 def _synthesize_humanoid(
@@ -332,7 +338,7 @@ HUMANOID = Species(
     legs=tuple(Leg((f"{s}UpLeg", f"{s}Leg", f"{s}Foot", f"{s}ToeBase"), (0.0, 0.0)) for s in ("Left", "Right")),
     chains={"neck": ("Neck", "Neck1", "Head")},
     gaits={walk: walk for walk in WALKS},
-    deeds={name: CreatureAction(beats, _nothing) for name, beats in GESTURES.items() if name != "idle"},
+    actions={name: CreatureAction(beats, _nothing) for name, beats in GESTURES.items() if name != "idle"},
     step=0.7,
     rate=1.85,
     life=_nothing,
@@ -355,9 +361,7 @@ def get_creature(name: str | Creature, seed: int = 0) -> Creature:
     """
     if isinstance(name, Creature):
         return name
-    if name not in _KINDS:
-        raise MotionKitError(f"no creature {name!r}; {nearest(name, _KINDS)}")
-    return Creature.from_seed(_KINDS[name], seed)
+    return Creature.from_seed(_KINDS[check.one_of("creature", name, _KINDS)], seed)
 
 
 def perform_creature(
@@ -384,27 +388,17 @@ def perform_creature(
     """
     who, style = get_creature(creature, seed), get_style(style)
     check_numbers(seconds, fps, intensity)
-    names, wanted = contents_for(who, content), style.at(intensity) if intensity != 1 else style
+    names, wanted = contents_of(content, who), style.at(intensity) if intensity != 1 else style
     if who.name == HUMANOID.name:
         return _perform_humanoid(content, wanted, seed, who, seconds, fps, path)
-    score = _creature_score(names, int(seed), seconds, wanted, who, checked_path(path))
-    return perform_plan(score, ", ".join(names), wanted, who, fps, round(seconds * fps))
-
-
-def perform_plan(
-    score: MotionPlan, content: str, style: Style, creature: Creature, fps: float, frames: int | None = None
-) -> Performance:
-    """A score as a performance in float32, with its name."""
-    motion, contacts, beats = synthesize_creature(score, style, creature, fps, frames)
-    motion = replace(
-        motion,
-        skeleton=motion.skeleton.as_float(),
-        rotations=motion.rotations.float(),
-        translations=motion.translations.float(),
-        name=f"{creature.name}_{content.replace(', ', '-')}_{style.name}_{score.seed}",
+    places, own = checked_path(path), who.as_done_by(wanted)
+    score = _plan_seconds(
+        seconds,
+        seconds * who.species.rate * own.tempo,
+        lambda beats: plan_creature_actions(who, names, int(seed), beats, places),
+        lambda plan, axis: _beat_seconds(as_walked(plan, who), own, who, axis),
     )
-    told = performed_captions(content, style, score.seed, subject=f"a {creature.name}", acts=score.acts)
-    return Performance(motion, contacts, beats, content, style, score.seed, creature, score, told)
+    return perform_plan(score, ", ".join(names), wanted, who, fps, round(seconds * fps))
 
 
 def synthesize_creature(
@@ -423,7 +417,7 @@ def synthesize_creature(
     route = _creature_route(walked, own, creature, axis)
     at = PoseContext.of(score, own, creature, route, beats, seconds)
     curves = Curves(count)
-    for layer in (creature_posture, creature_breath, creature_gait, creature.species.life, _creature_deeds):
+    for layer in (creature_posture, creature_breath, creature_gait, creature.species.life, _creature_actions):
         layer(at, curves)
     for part in ("pitch", "yaw", "roll"):  # the head is the neck's last joint
         curves.add(f"{creature.species.chains['neck'][-1]}.{part}", curves[f"head.{part}"])
@@ -432,12 +426,12 @@ def synthesize_creature(
     return assemble_creature(at, curves, feet, fps), torch.stack([f.stands for f in feet], 1), beats
 
 
-def _creature_deeds(at: PoseContext, curves: Curves) -> None:
+def _creature_actions(at: PoseContext, curves: Curves) -> None:
     for act in at.score.acts:
-        deed = at.performer.species.deeds.get(act.name)
-        if deed:
+        action = at.performer.species.actions.get(act.name)
+        if action:
             size = 1 + 0.05 * at.style.variability * max(-2.0, min(2.0, act.size))
-            deed.add(at, curves, act, at.beats - act.start, at.style.reach * size)
+            action.add(at, curves, act, at.beats - act.start, at.style.reach * size)
 
 
 def _beat_seconds(score: MotionPlan, style: Style, creature: Creature, beats: Tensor) -> Tensor:
@@ -469,21 +463,3 @@ def _creature_route(walked: MotionPlan, style: Style, creature: Creature, axis: 
     x, z = route.place[:, 0], route.place[:, 1]
     place = torch.stack((x * cosine + z * sine, z * cosine - x * sine), 1)
     return replace(route, place=place, heading=route.heading - facing)
-
-
-def _creature_score(
-    names: tuple[str, ...], seed: int, seconds: float, style: Style, creature: Creature, path: Tensor | None
-) -> MotionPlan:
-    """The score whose performance takes so many seconds: beats and seconds depend on each other, so look again."""
-    own = creature.as_done_by(style)
-    beats = seconds * creature.species.rate * own.tempo
-    for _ in range(8):
-        score = plan_creature_actions(creature, names, seed, beats, path)
-        axis = fine_axis(score.first, score.last)
-        times = seconds_of(axis, _beat_seconds(as_walked(score, creature), own, creature, axis))
-        ends = interpolate(torch.tensor([score.first, score.last], dtype=axis.dtype), axis, times)
-        taken = float(ends[1] - ends[0])
-        if abs(taken - seconds) < 1e-3:
-            break
-        beats *= seconds / taken
-    return score

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from .. import rotations as rot
+from ..contacts import hann_smooth
 from ..motion import Motion
 from .bodies import Creature, Leg, Species
 from .curves import Curves, PoseContext, delayed, kick_target
@@ -117,10 +118,7 @@ def _within_reach(at: PoseContext, root: Tensor, hips: Tensor, ankles: Tensor, f
     excess = (gap[..., 1] - allowed).amax(1)
     soft = 0.012 * at.performer.leg
     drop = torch.nn.functional.softplus((excess + 0.3 * soft) / soft) * soft
-    width = 2 * max(1, round(0.09 * fps)) + 1
-    window = torch.hann_window(width + 2, periodic=False, dtype=drop.dtype)[1:-1]
-    padded = torch.nn.functional.pad(drop[None, None], (width // 2, width // 2), mode="replicate")
-    return root[:, 1] - torch.nn.functional.conv1d(padded, (window / window.sum())[None, None])[0, 0]
+    return root[:, 1] - hann_smooth(drop[:, None], max(1, round(0.09 * fps)))[:, 0]
 
 
 def _at_ease(at: PoseContext, hip: Tensor, ankles: Tensor, swing: Tensor) -> Tensor:
@@ -432,10 +430,7 @@ def lowered(rest: RestLegs, hip: Tensor, toe: Tensor, fps: float) -> Tensor:
     excess = ((gap[..., 1] - torch.sqrt(length**2 - level)) / length).amax(1)
     soft = 0.012
     drop = torch.nn.functional.softplus((excess + 0.3 * soft) / soft) * soft * float(length.max())
-    width = 2 * max(1, round(0.05 * fps)) + 1
-    window = torch.hann_window(width + 2, periodic=False, dtype=drop.dtype)[1:-1]
-    padded = torch.nn.functional.pad(drop[None, None], (width // 2, width // 2), mode="replicate")
-    return torch.nn.functional.conv1d(padded, (window / window.sum())[None, None])[0, 0]
+    return hann_smooth(drop[:, None], max(1, round(0.05 * fps)))[:, 0]
 
 
 def blade_swing(leg: Leg, creature: Creature, ahead: Tensor) -> Tensor:

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from ..errors import MotionKitError
+from ..errors import MotionKitError, check
 from .bodies import Creature, Performer
-from .style import Style, nearest
+from .style import Style
 
 FINE = 128  # points of the fine axis for a beat
 WALK_RATE, RUN_RATE = 1.8, 2.5  # steps a second of a person with legs of 0.86 m
@@ -152,22 +152,22 @@ def smooth(x: Tensor) -> Tensor:
     return x * x * x * (x * (6 * x - 15) + 10)
 
 
-def contents_of(content: str | Sequence[str]) -> tuple[str, ...]:
+def contents_of(content: str | Sequence[str], creature: Creature | None = None) -> tuple[str, ...]:
     """One content or several ("walk, jump, kick" or a list); MotionKitError names the nearest of an unknown one.
+
+    creature: who is to do it; a person, if left out.
 
     >>> contents_of("walk, jump")
     ('walk', 'jump')
     """
     if not isinstance(content, str | Sequence):
         raise MotionKitError(f"content: expected a name or a list of names; found {content!r}")
-    names = content.split(",") if isinstance(content, str) else list(content)
-    names = tuple(str(n).strip() for n in names)
-    for name in names:
-        if name not in CONTENTS:
-            raise MotionKitError(f"no content {name!r}; {nearest(name, CONTENTS)}")
+    known, owner = (creature.contents, f"a {creature.name} has ") if creature else (CONTENTS, "")
+    names = tuple(str(n).strip() for n in (content.split(",") if isinstance(content, str) else content))
     if not names:
-        raise MotionKitError(f"no content given; there are {', '.join(CONTENTS)}")
-    return names
+        who = f"a {creature.name} can" if creature else "there are"
+        raise MotionKitError(f"no content given; {who} {', '.join(known)}")
+    return tuple(check.one_of("content", name, known, owner=owner) for name in names)
 
 
 def plan_actions(
@@ -242,27 +242,10 @@ def _sequence(contents: tuple[str, ...], beats: float, chance: random.Random) ->
     return tuple(acts)
 
 
-def contents_for(creature: Creature, content: str | Sequence[str]) -> tuple[str, ...]:
-    """One content or several; MotionKitError names the nearest of what this creature cannot do.
-
-    >>> from motionkit.actor.performing import get_creature
-    >>> contents_for(get_creature("dog"), "walk, sit")
-    ('walk', 'sit')
-    """
-    names = content.split(",") if isinstance(content, str) else list(content)
-    names = tuple(str(n).strip() for n in names)
-    for name in names:
-        if name not in creature.contents:
-            raise MotionKitError(f"a {creature.name} has no content {name!r}; {nearest(name, list(creature.contents))}")
-    if not names:
-        raise MotionKitError(f"no content given; a {creature.name} can {', '.join(creature.contents)}")
-    return names
-
-
 def plan_creature_actions(
     creature: Creature, contents: tuple[str, ...], seed: int, beats: float, path: Tensor | None
 ) -> MotionPlan:
-    """A score of about so many beats. One deed is done again and again with rests; of several each is done once.
+    """A score of about so many beats. One action is done again and again with rests; of several each is done once.
 
     Raises MotionKitError if the beats do not hold what is asked for.
     """
@@ -288,7 +271,7 @@ def _creature_walk(name: str, start: float, length: float, chance: random.Random
 
 
 def _again(creature: Creature, name: str, beats: float, chance: random.Random) -> tuple[Action, ...]:
-    length = creature.species.deeds[name].beats
+    length = creature.species.actions[name].beats
     if beats < length:
         raise MotionKitError(
             f"one {name} of a {creature.name} takes {length:g} beats and the clip holds {beats:.1f}; give more "
@@ -307,10 +290,10 @@ def _again(creature: Creature, name: str, beats: float, chance: random.Random) -
 def _creature_sequence(
     creature: Creature, contents: tuple[str, ...], beats: float, chance: random.Random
 ) -> tuple[Action, ...]:
-    """Each once, in order: deeds take what they need, walks and rests share what is left."""
-    deeds = creature.species.deeds
-    shared = [c for c in contents if c not in deeds]
-    fixed = sum(deeds[c].beats for c in contents if c in deeds)
+    """Each once, in order: actions take what they need, walks and rests share what is left."""
+    actions = creature.species.actions
+    shared = [c for c in contents if c not in actions]
+    fixed = sum(actions[c].beats for c in contents if c in actions)
     least = fixed + len(shared) * 2 * RAMP
     if beats < least:
         raise MotionKitError(
@@ -319,8 +302,8 @@ def _creature_sequence(
         )
     acts, now = [], 0.0
     for name in contents:
-        if name in deeds:
-            act = Action(name, now, deeds[name].beats, chance.choice((1, -1)), chance.gauss(0, 1))
+        if name in actions:
+            act = Action(name, now, actions[name].beats, chance.choice((1, -1)), chance.gauss(0, 1))
         else:
             length = (beats - fixed) / len(shared)
             act = (

@@ -5,12 +5,11 @@ Because the parameters are numbers with a meaning, styles can be mixed, weakened
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 
-from ..errors import MotionKitError
+from ..errors import MotionKitError, check
 
 
 def _number(neutral: float, low: float, high: float, unit: str, about: str) -> float:
@@ -87,8 +86,8 @@ class Style:
         0.2
         """
         for name in changes:
-            if name != "name" and name not in parameters():
-                raise MotionKitError(f"no style parameter {name!r}; {nearest(name, parameters())}")
+            if name != "name":
+                check.one_of("style parameter", name, parameters())
         return replace(self, **changes)
 
     def at(self, intensity: float) -> Style:
@@ -140,7 +139,6 @@ def mix(shares: Mapping[Style | str, float], name: str = "mix") -> Style:
     >>> round(both.lean, 3), round(both.slump, 3)
     (0.13, 0.15)
     """
-
     shares = {get_style(style): share for style, share in shares.items()}
     for style, share in shares.items():
         if not isinstance(share, int | float) or not math.isfinite(share):
@@ -150,16 +148,6 @@ def mix(shares: Mapping[Style | str, float], name: str = "mix") -> Style:
         value = about.neutral + sum(k * (getattr(s, key) - about.neutral) for s, k in shares.items())
         numbers[key] = round(min(max(value, about.low), about.high), 12)
     return Style(name, **numbers)
-
-
-def nearest(name: object, known: Mapping | list) -> str:
-    """For error messages: the nearest of the known names, and all of them.
-
-    >>> nearest("tird", ["tired", "old"])
-    "did you mean 'tired'? There are tired, old"
-    """
-    close = difflib.get_close_matches(str(name), list(known), 1, 0.4)
-    return (f"did you mean {close[0]!r}? " if close else "") + f"There are {', '.join(known)}"
 
 
 _LOW = {  # the posture of both the depressed and the tired: only their timing tells them apart
@@ -196,7 +184,7 @@ _STYLES = (
     Style("tired", tempo=0.58, pauses=0.25, **_LOW),
 )  # fmt: skip
 
-_UNSEEN = (
+_HELD_OUT = (
     Style("sneaky", tempo=0.7, pauses=0.6, step_length=0.85, step_width=0.1, clearance=0.28, foot_roll=0.5,
           heel_strike=0.0, crouch=0.17, bob=1.6, hip_turn=0.12, shoulder_turn=0.12, lean=0.42, slump=0.25,
           shoulder_lift=0.3, head_pitch=-0.05, look=0.6, arm_swing=0.2, arm_out=0.2, arm_forward=0.75, arm_turn=0.4,
@@ -217,8 +205,8 @@ _UNSEEN = (
 )  # fmt: skip
 
 TRAIN_STYLES = tuple(s.name for s in _STYLES)
-HELD_OUT_STYLES = tuple(s.name for s in _UNSEEN)
-_BY_NAME = {s.name: s for s in (*_STYLES, *_UNSEEN)}
+HELD_OUT_STYLES = tuple(s.name for s in _HELD_OUT)
+_BY_NAME = {s.name: s for s in (*_STYLES, *_HELD_OUT)}
 
 
 def get_style(name: str | Style) -> Style:
@@ -229,6 +217,4 @@ def get_style(name: str | Style) -> Style:
     """
     if isinstance(name, Style):
         return name
-    if not isinstance(name, str) or name not in _BY_NAME:
-        raise MotionKitError(f"no style {name!r}; {nearest(name, _BY_NAME)}; or make a Style(...) of your own")
-    return _BY_NAME[name]
+    return _BY_NAME[check.one_of("style", name, _BY_NAME, hint="; or make a Style(...) of your own")]

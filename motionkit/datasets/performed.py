@@ -120,7 +120,7 @@ def _seconds(creature: str, content: str, style: str, seed: int, person: int) ->
     """By chance, but enough for one whole gesture of somebody slow; whole frames."""
     if creature:
         who = performing.get_creature(creature, person)
-        deed, rate = who.species.deeds.get(content), who.species.rate
+        deed, rate = who.species.actions.get(content), who.species.rate
         beats = deed.beats if deed else 0.0
     else:
         who, beats, rate = Performer.from_seed(person), GESTURES.get(content, 0.0), WALK_RATE

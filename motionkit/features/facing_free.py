@@ -9,7 +9,7 @@ from torch import Tensor
 
 from .. import kinematics
 from .. import rotations as rot
-from ..motion import Motion, in_order
+from ..motion import Motion
 from ..skeleton import Skeleton
 from .canonical import canonicalize, forward_difference, integrate, motion_from_local, uncanonicalize
 from .layout import Layout, Normalizer, Row
@@ -115,7 +115,7 @@ class OfBody(FacingFree):
     def encode(self, motion: Motion) -> Tensor:
         """A motion of F frames, its joints in any order, to features [F, D]; MotionKitError as in `FacingFree`."""
         body = motion.without_helper_joints()
-        return super().encode(body if self._skeleton is None else in_order(body, self._skeleton))
+        return super().encode(body if self._skeleton is None else body.reorder(self._skeleton))
 
 
 def encode_normalized(motion: Motion, layout: OfBody, normalizer: Normalizer) -> Tensor:

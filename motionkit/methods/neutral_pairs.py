@@ -200,17 +200,17 @@ class NeutralPairs:
         if len(numbers) > _FINE:
             costs, _ = self._costs(wanted[::_COARSE], numbers, fps, _COARSE)
             numbers = [numbers[n] for n in costs.argsort(stable=True)[:_FINE].tolist()]
-        costs, stall = self._costs(wanted, numbers, fps, 1)
+        costs, penalty = self._costs(wanted, numbers, fps, 1)
         number = numbers[int(costs.argmin())]
-        path = dtw(torch.cdist(wanted, self._movement(number, fps)), stall=stall, segment=True)
+        path = dtw(torch.cdist(wanted, self._movement(number, fps)), step_penalty=penalty, segment=True)
         return number, warp(path, EVEN * fps)
 
     def _costs(self, wanted: Tensor, numbers: list[int], fps: float, step: int) -> tuple[Tensor, float]:
-        """What the best path through a segment of each clip costs, [N], and what a stall was taken to cost."""
+        """What the best path through a segment of each clip costs, [N], and the step penalty that was taken."""
         theirs = [self._movement(n, fps)[::step] for n in numbers]
         costs = torch.cdist(wanted, torch.nn.utils.rnn.pad_sequence(theirs, batch_first=True))
-        stall = step_penalty_for(costs[0, :, : len(theirs[0])])
-        return dtw_costs(costs, torch.tensor([len(t) for t in theirs]), stall=stall, segment=True), stall
+        penalty = step_penalty_for(costs[0, :, : len(theirs[0])])
+        return dtw_costs(costs, torch.tensor([len(t) for t in theirs]), step_penalty=penalty, segment=True), penalty
 
     def _movement(self, number: int, fps: float) -> Tensor:
         return self._movements.get((number, fps), lambda: pose_velocity_features(self._at_rate(number, fps)))

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 from ..errors import MotionKitError
+from . import encoders
 from .captions import style_in, to_neutral, to_style
 from .encoders import CachedEncoder, TextEncoder, check_prompt, content_key, similarity
 
@@ -40,13 +41,9 @@ def load(name: str = "mini") -> TextEncoder:
     motionkit.errors.MotionKitError: no text encoder 'bert'; expected 'mini', ...
     """
     if name == "mini":
-        from .encoders import load_mini
-
-        return load_mini()
+        return encoders.load_mini()
     kind, _, model = str(name).partition(":")
     if kind not in ("sentence-transformers", "clip", "open-clip") or not model.strip():
         raise MotionKitError(f"no text encoder {name!r}; expected {_FORMS}")
-    from . import encoders
-
     make = {"sentence-transformers": encoders.sentence_transformer, "clip": encoders.clip}
     return CachedEncoder(make.get(kind, encoders.open_clip)(model))

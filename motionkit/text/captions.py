@@ -1,17 +1,20 @@
-"""The words of all data sets: how people speak of a style, and of what somebody does. A new one is a new line here.
+"""Sentences that say what somebody does and in which style: made for clips, and rewritten to neutral and back.
 
-Captions are made of these words (`actor.captions`, `datasets.captions`) and rewritten with them
-(`captions.to_neutral`).
+All words are in `words.json`, beside this file; a new style or content is a new line there. Captions of the performer
+(`performed_captions`) and of captures (`capture_captions`) are made of them, and `to_neutral`, `to_style` and
+`style_in` know them again.
 """
 
 from __future__ import annotations
 
+import json
 import random
 import re
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
-from ..errors import MotionKitError
+from ..errors import MotionKitError, check
 
 
 class Words(NamedTuple):
@@ -39,21 +42,6 @@ class ContentWords(NamedTuple):
     captured: tuple[str, str] | tuple[()] = ()
 
 
-NEUTRAL = Words(
-    ("neutrally", "normally", "in an ordinary way", "in a normal way", "in a neutral way"),
-    captured=("in an ordinary way", ""),
-)
-_OLD = Words(
-    ("in old age", "like an old person", "as old people do", "with the stiffness of age"),
-    ("old", "elderly", "aged"),
-    ("shuffle", "hobble"),
-    ("as old people do", "old"),
-)
-_MASCULINE = Words(
-    ("in a masculine way", "in a manly manner"), ("masculine", "manly"), captured=("in a manly manner", "masculine")
-)
-
-
 def with_article(words: str) -> str:
     """The words with `a` or `an` in front.
 
@@ -72,253 +60,6 @@ def style_phrase(name: str) -> str:
     return re.sub("[-_]+", " ", name).strip()
 
 
-# The performer's styles, then those that only captures have.
-STYLES = {
-    "neutral": NEUTRAL,
-    "angry": Words(
-        ("in anger", "angrily", "furiously", "in a rage"),
-        ("angry", "furious"),
-        ("stomp", "storm"),
-        ("furiously", "angry"),
-    ),
-    "childlike": Words(
-        ("in a childlike way", "playfully", "like a child", "as a child would"),
-        ("childlike", "playful", "childish"),
-        ("toddle", "scamper"),
-        ("as a child would", "childlike"),
-    ),
-    "depressed": Words(
-        ("in depression", "dejectedly", "gloomily", "with a heavy heart"),
-        ("depressed", "dejected"),
-        ("trudge",),
-        ("dejectedly", "depressed"),
-    ),
-    "old": _OLD,
-    "proud": Words(
-        ("in pride", "proudly", "with the head held high"), ("proud", "dignified"), ("stride",), ("proudly", "proud")
-    ),
-    "strutting": Words(
-        ("in a strut", "with a swagger", "boastfully", "like a show-off"),
-        ("strutting", "swaggering"),
-        ("strut", "swagger"),
-        ("with a swagger", "swaggering"),
-    ),
-    "tired": Words(
-        ("in weariness", "wearily", "tiredly", "with heavy limbs"), ("tired", "weary"), ("plod",), ("wearily", "tired")
-    ),
-    "sneaky": Words(
-        ("in a sneaky way", "sneakily", "stealthily", "like a thief"), ("sneaky", "stealthy"), ("sneak", "creep")
-    ),
-    "drunk": Words(
-        ("in drunkenness", "drunkenly", "unsteadily", "like a drunkard"), ("drunk", "tipsy"), ("stagger", "stumble")
-    ),
-    "robot": Words(
-        ("in a robotic way", "robotically", "mechanically", "like a robot"), ("robotic", "mechanical", "robot-like")
-    ),
-    "zombie": Words(
-        ("in a zombie-like way", "like a zombie", "as if undead"), ("zombie-like", "undead"), ("lurch", "shamble")
-    ),
-    "active": Words(
-        ("in high spirits", "energetically", "with a lot of energy"),
-        ("active", "energetic"),
-        captured=("with a lot of energy", "active"),
-    ),
-    "childish": Words(("in a childish way",), ("childish",), captured=("as a child would", "childish")),
-    "chimpira": Words(
-        ("in the manner of a thug", "like a small-time gangster"),
-        ("thuggish",),
-        captured=("like a small-time gangster", "thuggish"),
-    ),
-    "elderly": _OLD._replace(captured=("as old people do", "elderly")),
-    "exhausted": Words(
-        ("in exhaustion", "with the last of their strength"),
-        ("exhausted", "worn-out"),
-        captured=("with the last of their strength", "exhausted"),
-    ),
-    "feminine": Words(
-        ("in a feminine way", "in a ladylike manner"),
-        ("feminine", "ladylike"),
-        captured=("in a ladylike manner", "feminine"),
-    ),
-    "giant": Words(
-        ("in the manner of a giant", "as if huge and heavy"),
-        ("gigantic",),
-        captured=("as if huge and heavy", "gigantic"),
-    ),
-    "happy": Words(("in happiness", "happily", "joyfully"), ("happy", "joyful"), captured=("joyfully", "happy")),
-    "masculine": _MASCULINE,
-    "masculinity": _MASCULINE,
-    "musical": Words(("in a musical way", "as if to music"), ("musical",), captured=("as if to music", "musical")),
-    "normal": NEUTRAL,
-    "not-confident": Words(("in self-doubt", "timidly"), ("shy",), captured=("timidly", "shy")),
-    "sad": Words(("in sadness", "sadly", "sorrowfully"), ("sad", "sorrowful"), captured=("sorrowfully", "sad")),
-    "sexy": Words(("in a sexy way", "seductively"), ("sexy", "seductive"), captured=("seductively", "sexy")),
-    "youthful": Words(
-        ("in a youthful way", "as young people do"),
-        ("youthful", "young"),
-        captured=("as young people do", "youthful"),
-    ),
-}
-
-# The other styles of 100STYLE, and how somebody moves who has one; its captions say "in a big steps style".
-_LOCOMOTION = {
-    "aeroplane": "like an aeroplane",
-    "akimbo": "with arms akimbo",
-    "arms-above-head": "with the arms above the head",
-    "arms-behind-back": "with the arms behind the back",
-    "arms-by-side": "with the arms by the side",
-    "arms-folded": "with folded arms",
-    "balance": "as if on a tightrope",
-    "beat-chest": "with fists beating the chest",
-    "bent-forward": "with the trunk bent forward",
-    "bent-knees": "with bent knees",
-    "big-steps": "with big steps",
-    "bouncy-left": "with a bounce on the left leg",
-    "bouncy-right": "with a bounce on the right leg",
-    "cat": "like a cat",
-    "chicken": "like a chicken",
-    "cross-over": "with the legs crossing over",
-    "crouched": "in a crouch",
-    "crowd-avoidance": "as if through a crowd",
-    "dinosaur": "like a dinosaur",
-    "drag-left-leg": "with the left leg dragging",
-    "drag-right-leg": "with the right leg dragging",
-    "duck-foot": "with the toes turned out",
-    "elated": "in elation",
-    "fairy-steps": "with tiny steps",
-    "flapping": "with flapping arms",
-    "flick-legs": "with flicks of the legs",
-    "followed": "as if followed",
-    "graceful-arms": "with graceful arms",
-    "hands-between-legs": "with the hands between the legs",
-    "hands-in-pockets": "with the hands in the pockets",
-    "heavyset": "as if heavyset",
-    "high-knees": "with high knees",
-    "in-the-dark": "as if in the dark",
-    "karate-chop": "with karate chops",
-    "kick": "with a kick at each step",
-    "lawn-mower": "as if behind a lawn mower",
-    "lean-back": "with the trunk leaning back",
-    "lean-left": "with the trunk leaning left",
-    "lean-right": "with the trunk leaning right",
-    "left-hop": "in hops on the left leg",
-    "legs-apart": "with the legs apart",
-    "limp-left": "with a limp on the left leg",
-    "limp-right": "with a limp on the right leg",
-    "look-up": "with the eyes on the sky",
-    "lunge": "in lunges",
-    "march": "in a march",
-    "monk": "like a monk",
-    "morris": "like a morris dancer",
-    "on-heels": "on the heels",
-    "on-phone-left": "with a phone at the left ear",
-    "on-phone-right": "with a phone at the right ear",
-    "on-toes-bent-forward": "on the toes with the trunk bent forward",
-    "on-toes-crouched": "on the toes in a crouch",
-    "pendulum-hands": "with the hands like a pendulum",
-    "penguin": "like a penguin",
-    "pigeon-toed": "with the toes turned in",
-    "punch": "with a punch at each step",
-    "quail": "like a quail",
-    "raised-left-arm": "with the left arm raised",
-    "raised-right-arm": "with the right arm raised",
-    "right-hop": "in hops on the right leg",
-    "roadrunner": "like a roadrunner",
-    "rocket": "like a rocket",
-    "rushed": "in a rush",
-    "shielded-left": "with the left arm as a shield",
-    "shielded-right": "with the right arm as a shield",
-    "skip": "in skips",
-    "slide-feet": "with sliding feet",
-    "spin-anti-clock": "in anticlockwise spins",
-    "spin-clock": "in clockwise spins",
-    "star": "with the limbs spread like a star",
-    "start-stop": "in fits and starts",
-    "stiff": "with stiff limbs",
-    "superman": "like a superhero in flight",
-    "swat": "as if swatting flies",
-    "sweep": "as if sweeping the floor",
-    "swimming": "as if swimming",
-    "swing-arms-round": "with the arms swinging round",
-    "swing-shoulders": "with swinging shoulders",
-    "teapot": "like a teapot",
-    "tiptoe": "on tiptoe",
-    "together-step": "with the feet together at each step",
-    "two-foot-jump": "in jumps with both feet",
-    "walking-stick-left": "with a walking stick in the left hand",
-    "walking-stick-right": "with a walking stick in the right hand",
-    "waving": "with waves at everyone",
-    "whirl-arms": "with whirling arms",
-    "wide-legs": "with wide legs",
-    "wiggle-hips": "with wiggling hips",
-    "wild-arms": "with wild arms",
-    "wild-legs": "with wild legs",
-}
-STYLES.update((name, Words((f"in {with_article(style_phrase(name))} style", how))) for name, how in _LOCOMOTION.items())
-
-CONTENTS = {
-    "bow": ContentWords(("{bow}", "{take} a bow", "{bend} down in a bow"), ("{bow}", "{bend} down in a greeting")),
-    "bye": ContentWords((), ("{wave} goodbye", "{say} goodbye with a wave")),
-    "byebye": ContentWords((), ("{wave} goodbye again and again", "{wave} someone off")),
-    "call": ContentWords((), ("{call} someone over", "{beckon}")),
-    "dance-long": ContentWords((), ("{dance} for a while", "{do} a long dance")),
-    "dance-short": ContentWords((), ("{dance}", "{do} a short dance")),
-    "dash": ContentWords((), ("{dash}", "{sprint}")),
-    "guide": ContentWords((), ("{show} the way", "{point} someone along")),
-    "idle": ContentWords(("{stand}", "{stand} in place", "{stand} around", "{wait}"), ("{stand}", "{stay} in place")),
-    "jump": ContentWords(("{jump}", "{jump} up", "{leap} into the air"), ("{jump}", "{leap} up")),
-    "kick": ContentWords(("{kick}%", "{throw} a kick%"), ("{kick}", "{throw} a kick")),
-    "peck": ContentWords(("{peck}", "{peck} at the ground")),
-    "punch": ContentWords(("{punch}", "{punch} with both fists", "{throw} punches"), ("{punch}", "{throw} a punch")),
-    "raise-hands": ContentWords(("{raise} both hands", "{lift} both arms", "{put} both hands up")),
-    "respond": ContentWords((), ("{respond}", "{answer} with a gesture")),
-    "roar": ContentWords(("{roar}", "{roar} loudly")),
-    "run": ContentWords(("{run}", "{run} forward", "{run} ahead", "{jog} along"), ("{run}", "{jog} along")),
-    "sit": ContentWords(("{sit} down", "{sit}")),
-    "slash": ContentWords((), ("{slash} with a sword", "{swing} a blade")),
-    "threat": ContentWords(("{threaten} someone", "{raise} both claws")),
-    "trot": ContentWords(("{trot}", "{trot} forward", "{trot} ahead", "{trot} along")),
-    "walk": ContentWords(("{walk}", "{walk} forward", "{walk} ahead", "{walk} along"), ("{walk}", "{go} on foot")),
-    "walk-back": ContentWords(
-        ("{walk} backwards", "{walk} back", "{step} backwards"), ("{walk} backwards", "{step} back")
-    ),
-    "walk-left": ContentWords((), ("{walk} to the left", "{step} to the left")),
-    "walk-right": ContentWords((), ("{walk} to the right", "{step} to the right")),
-    "walk-turn-left": ContentWords(
-        ("{walk} and {turn} left", "{walk} in a curve to the left", "{walk} and {veer} left"),
-        ("{walk} and {turn} left", "{take} a left turn on foot"),
-    ),
-    "walk-turn-right": ContentWords(
-        ("{walk} and {turn} right", "{walk} in a curve to the right", "{walk} and {veer} right"),
-        ("{walk} and {turn} right", "{take} a right turn on foot"),
-    ),
-    "wave": ContentWords(("{wave}%", "{wave} at someone%", "{wave} hello%")),
-}
-_PAST = {
-    "bend": "bent", "bite": "bit", "creep": "crept", "fly": "flew", "go": "went", "put": "put", "rise": "rose",
-    "run": "ran", "say": "said", "sit": "sat", "stand": "stood", "stride": "strode", "strike": "struck",
-    "swing": "swung", "take": "took", "throw": "threw",
-}  # fmt: skip
-
-
-def content_words(content: str) -> ContentWords:
-    """The words for a content; none where nobody wrote any.
-
-    >>> content_words("walk_back").captured, content_words("juggle")
-    (('{walk} backwards', '{step} back'), ContentWords(ways=(), captured=()))
-    """
-    return CONTENTS.get(content.replace("_", "-"), ContentWords())
-
-
-def conjugate(way: str, ending: str) -> str:
-    """What is done, its verbs with `s`, `ing` or `ed`.
-
-    >>> conjugate("{walk} and {turn} left", "ing")
-    'walking and turning left'
-    """
-    return re.sub(r"{(\w+)}", lambda found: form(found[1], ending), way)
-
-
 def form(verb: str, ending: str) -> str:
     """A verb with `s`, `ing` or `ed`.
 
@@ -334,6 +75,86 @@ def form(verb: str, ending: str) -> str:
     if ending == "ed":
         verb = re.sub("([^aeiou])y$", r"\1i", verb)
     return (verb[:-1] if re.search("[^eoy]e$", verb) or (ending == "ed" and verb[-1] == "e") else verb) + ending
+
+
+def conjugate(way: str, ending: str) -> str:
+    """What is done, its verbs with `s`, `ing` or `ed`.
+
+    >>> conjugate("{walk} and {turn} left", "ing")
+    'walking and turning left'
+    """
+    return re.sub(r"{(\w+)}", lambda found: form(found[1], ending), way)
+
+
+_LEXICON = json.loads(Path(__file__).with_name("words.json").read_text(encoding="utf-8"))
+_PAST = _LEXICON["past"]  # of verbs that do not end in -ed
+_LIMBS = {"kick": "leg", "wave": "hand"}
+
+
+def _read_styles() -> dict[str, Words]:
+    """The performer's styles, those that only captures have, and the other styles of 100STYLE.
+
+    A name in place of words: the words of that style. Captions of 100STYLE say "in a big steps style".
+    """
+    styles: dict[str, Words] = {}
+    for name, words in _LEXICON["styles"].items():
+        styles[name] = styles[words] if isinstance(words, str) else Words(**{k: tuple(v) for k, v in words.items()})
+    for name, how in _LEXICON["locomotion"].items():
+        styles[name] = Words((f"in {with_article(style_phrase(name))} style", how))
+    return styles
+
+
+STYLES = _read_styles()
+NEUTRAL = STYLES["neutral"]
+CONTENTS = {
+    name: ContentWords(**{k: tuple(v) for k, v in words.items()}) for name, words in _LEXICON["contents"].items()
+}
+
+
+def content_words(content: str) -> ContentWords:
+    """The words for a content; none where nobody wrote any.
+
+    >>> content_words("walk_back").captured, content_words("juggle")
+    (('{walk} backwards', '{step} back'), ContentWords(ways=(), captured=()))
+    """
+    return CONTENTS.get(content.replace("_", "-"), ContentWords())
+
+
+def _any(phrases: set[str]) -> str:
+    return "|".join(map(re.escape, sorted(phrases, key=lambda p: (-len(p), p))))
+
+
+_STYLED = {name: words for name, words in STYLES.items() if words is not NEUTRAL}
+_ADJECTIVES = _any({who for words in _STYLED.values() for who in words.who})
+_LABELS = _any({style_phrase(name) for name in _STYLED})
+_VERY = r"(?:(?:very|rather|quite|really|so) )?"
+_MANY = rf"(?:{_VERY}(?:{_ADJECTIVES}),? (?:and )?)+"
+# Phrases of manner, whole words; "in an angry way" is made of what people of a style are called. A style that nobody
+# wrote words for is "in a very odd style".
+_HOW = re.compile(
+    rf"\b{_VERY}(?:in an? {_VERY}(?:{_ADJECTIVES}|{_LABELS}) (?:way|manner|style|mood)|the (?:{_LABELS}) way"
+    rf"|{_any({how for words in _STYLED.values() for how in (*words.how, *words.captured[:1])})}"
+    r"|in an? (?:(?!(?:in|an?|the|and|then)\b)[\w-]+ ){1,4}style"
+    rf"|like an? {_MANY}(?:person|man|woman|one))\b",
+    re.IGNORECASE,
+)
+_SO = re.compile(
+    r"\bin an? ((?:(?!(?:in|an?|the|and|then)\b)[\w-]+ )*?[\w-]+) (?:style|way|manner|mood)\b", re.IGNORECASE
+)
+# Adjectives of the subject, which is where a sentence begins.
+_WHO = re.compile(rf"^(an?|the) {_MANY}(\w+)", re.IGNORECASE)
+# Labels count before these only: "a big steps person", but a cat is a cat.
+_LABELLED = re.compile(rf"^(an?|the) (?:{_LABELS}) (person|man|woman|boy|girl)\b", re.IGNORECASE)
+# "a person is walking: long strides", as captions of 100STYLE describe a style.
+_DESCRIBED = re.compile(r"^(a person is [^:]+): .+$", re.IGNORECASE | re.DOTALL)
+_ENDINGS = {form(v, e): e for words in _STYLED.values() for v in words.walks for e in ("s", "ing", "ed")}
+# "with long strides" and "a stumble" are no verbs
+_WALKS = re.compile(rf"(?<!\blong )(?<!\bwith )(?<!\ba )(?:\b(?:{_any(set(_ENDINGS))})\b)", re.IGNORECASE)
+_PLAIN = re.compile(rf"\b(?:{_any(set(NEUTRAL.how))})\b", re.IGNORECASE)
+_PLAINS = re.compile(rf"({_PLAIN.pattern})(?:,?(?: and)? {_PLAIN.pattern})+", re.IGNORECASE)
+_EARLY = re.compile(
+    rf"^((?:someone|somebody|he|she|they|(?:an?|the) \w+) (?:(?:is|was) )?){_PLAIN.pattern} ", re.IGNORECASE
+)
 
 
 _ASK_NEUTRAL = (
@@ -362,13 +183,17 @@ def to_neutral(caption: str, ask: Callable[[str], str] | None = None) -> str:
     _check_caption(caption)
     if ask is not None:
         return _answer(ask, _ASK_NEUTRAL.format(caption=caption), caption)
-    told = _DESCRIBED.sub(r"\1 neutrally", caption)
-    text, found = _HOW.sub("neutrally", told), told != caption
-    found |= text != told
-    for pattern, instead in ((_WHO, _plain_subject), (_LABELLED, _plain_subject), (_WALKS, _plain_walk)):
-        text, count = pattern.subn(instead, text)
-        found |= count > 0
-    return _once(text, "neutrally") if found else caption
+    text, changes = caption, 0
+    for pattern, plain in (
+        (_DESCRIBED, r"\1 neutrally"),
+        (_HOW, "neutrally"),
+        (_WHO, _plain_subject),
+        (_LABELLED, _plain_subject),
+        (_WALKS, lambda verb: form("walk", _ENDINGS[verb[0].lower()])),
+    ):
+        text, count = pattern.subn(plain, text)
+        changes += count
+    return _once(text, "neutrally") if changes else caption
 
 
 def to_style(caption: str, style: str, ask: Callable[[str], str] | None = None) -> str:
@@ -412,11 +237,11 @@ def style_in(prompt: str) -> str:
     if described:
         return prompt[described.end(1) :].strip(" :.")
     phrases = [(len(phrase), name, phrase) for name, words in _STYLED.items() for phrase in _phrases(name, words)]
-    said_here = [found for found in phrases if _says(prompt, found[2])]
-    styles = [found for found in said_here if not _says(plain, found[2])]  # "a person is waving": a deed, no style
+    in_prompt = [row for row in phrases if _says(prompt, row[2])]
+    styles = [row for row in in_prompt if not _says(plain, row[2])]  # "a person is waving": an act, no style
     if not styles and (so := _SO.search(prompt)):
         return so[1]
-    return max(styles or said_here)[1]
+    return max(styles or in_prompt)[1]
 
 
 def _says(sentence: str, phrase: str) -> bool:
@@ -437,15 +262,15 @@ def _answer(ask: Callable[[str], str], prompt: str, caption: str) -> str:
     """What the language model says, if it is one line."""
     if not caption.strip():
         raise MotionKitError("caption: the sentence is empty; say what someone does, such as 'a person walks'")
-    found = ask(prompt)
-    lines = [line.strip() for line in found.splitlines() if line.strip()] if isinstance(found, str) else []
-    told = lines[0].strip("\"'“”") if len(lines) == 1 else ""
-    if not told:
+    answer = ask(prompt)
+    lines = [line.strip() for line in answer.splitlines() if line.strip()] if isinstance(answer, str) else []
+    sentence = lines[0].strip("\"'“”") if len(lines) == 1 else ""
+    if not sentence:
         raise MotionKitError(
-            f"the language model was to answer with one sentence, on one line; for {caption!r} it gave {found!r:.120}; "
-            "ask another, or leave ask out"
+            f"the language model was to answer with one sentence, on one line; for {caption!r} it gave "
+            f"{answer!r:.120}; ask another, or leave ask out"
         )
-    return told
+    return sentence
 
 
 def _once(text: str, how: str) -> str:
@@ -464,50 +289,6 @@ def _plain_subject(match: re.Match) -> str:
     article, noun = match[1], match[2]
     fitting = article if article.lower() == "the" else with_article(noun).split(" ")[0]
     return f"{fitting.capitalize() if article[0].isupper() else fitting} {noun}"
-
-
-def _plain_walk(match: re.Match) -> str:
-    return form("walk", _ENDINGS[match[0].lower()])
-
-
-def _any(phrases: set[str]) -> str:
-    return "|".join(map(re.escape, sorted(phrases, key=lambda p: (-len(p), p))))
-
-
-_STYLED = {name: words for name, words in STYLES.items() if words is not NEUTRAL}
-_ADJECTIVES = _any({who for words in _STYLED.values() for who in words.who})
-_LABELS = _any({style_phrase(name) for name in _STYLED})
-_VERY = r"(?:(?:very|rather|quite|really|so) )?"
-_MANY = rf"(?:{_VERY}(?:{_ADJECTIVES}),? (?:and )?)+"
-# Phrases of manner, whole words; "in an angry way" is made of what people of a style are called. A style that nobody
-# wrote words for is "in a very odd style".
-_HOW = re.compile(
-    rf"\b{_VERY}(?:in an? {_VERY}(?:{_ADJECTIVES}|{_LABELS}) (?:way|manner|style|mood)|the (?:{_LABELS}) way"
-    rf"|{_any({how for words in _STYLED.values() for how in (*words.how, *words.captured[:1])})}"
-    r"|in an? (?:(?!(?:in|an?|the|and|then)\b)[\w-]+ ){1,4}style"
-    rf"|like an? {_MANY}(?:person|man|woman|one))\b",
-    re.IGNORECASE,
-)
-_SO = re.compile(
-    r"\bin an? ((?:(?!(?:in|an?|the|and|then)\b)[\w-]+ )*?[\w-]+) (?:style|way|manner|mood)\b", re.IGNORECASE
-)
-# Adjectives of the subject, which is where a sentence begins.
-_WHO = re.compile(rf"^(an?|the) {_MANY}(\w+)", re.IGNORECASE)
-# Labels count before these only: "a big steps person", but a cat is a cat.
-_LABELLED = re.compile(rf"^(an?|the) (?:{_LABELS}) (person|man|woman|boy|girl)\b", re.IGNORECASE)
-# "a person is walking: long strides", as captions of 100STYLE describe a style.
-_DESCRIBED = re.compile(r"^(a person is [^:]+): .+$", re.IGNORECASE | re.DOTALL)
-_ENDINGS = {form(v, e): e for words in _STYLED.values() for v in words.walks for e in ("s", "ing", "ed")}
-# "with long strides" and "a stumble" are no verbs
-_WALKS = re.compile(rf"(?<!\blong )(?<!\bwith )(?<!\ba )(?:\b(?:{_any(set(_ENDINGS))})\b)", re.IGNORECASE)
-_PLAIN = re.compile(rf"\b(?:{_any(set(NEUTRAL.how))})\b", re.IGNORECASE)
-_PLAINS = re.compile(rf"({_PLAIN.pattern})(?:,?(?: and)? {_PLAIN.pattern})+", re.IGNORECASE)
-_EARLY = re.compile(
-    rf"^((?:someone|somebody|he|she|they|(?:an?|the) \w+) (?:(?:is|was) )?){_PLAIN.pattern} ", re.IGNORECASE
-)
-
-
-_LIMBS = {"kick": "leg", "wave": "hand"}
 
 
 def performed_captions(
@@ -531,39 +312,33 @@ def performed_captions(
     the person walks along as old people do
     an elderly person walks
     """
-    if not isinstance(count, int) or count < 1:
-        raise MotionKitError(f"count: expected a whole number of at least 1; found {count!r}")
-    chance = random.Random(f"{seed} {content} {_name(style)}")
-    words = _words(_name(style))
+    check.number("count", count, 1, whole=True)
+    name, _, strength = getattr(style, "name", style).partition(" x ")  # "old x 1.5" is told as "old"
+    if strength and float(strength) <= 0:
+        name = "neutral"
+    chance = random.Random(f"{seed} {content} {name}")
+    words = STYLES.get(name) or Words((f"in {with_article(style_phrase(name))} style",))
     subject = re.sub("^an? (.*)", lambda m: with_article(m[1]), subject)
     ways = _ways(content, acts)
-    found = {f"{subject} is {_doing([w[0] for w in ways], 'ing')}{_comma(ways)} {words.how[0]}": None}
-    forms = _forms(words, ways)
+    forms = ["how"] + ["who"] * bool(words.who) + ["adverb"] * bool(_adverbs(words))
+    forms += ["walks"] * (bool(words.walks) and any("{walk}" in w[0] for w in ways))
+    if words is NEUTRAL:
+        forms = ["plain", "how"]
     chance.shuffle(forms)
+    sentences = {f"{subject} is {_doing([w[0] for w in ways], 'ing')}{_comma(ways)} {words.how[0]}": None}
     for n in range(50 * count):
-        if len(found) >= count:
+        if len(sentences) >= count:
             break
-        found[_sentence(forms[n % len(forms)], subject, ways, words, chance)] = None
-    if len(found) < count:
-        raise MotionKitError(f"count: there are {len(found)} sentences about {content!r}; found {count!r}")
-    return tuple(found)
-
-
-def _name(style: object) -> str:
-    """The name that has words: of "old x 1.5" it is "old", and at no strength or the opposite one "neutral"."""
-    name, _, strength = getattr(style, "name", style).partition(" x ")
-    return "neutral" if strength and float(strength) <= 0 else name
-
-
-def _words(style: str) -> Words:
-    return STYLES.get(style) or Words((f"in {with_article(style_phrase(style))} style",))
+        sentences[_sentence(forms[n % len(forms)], subject, ways, words, chance)] = None
+    if len(sentences) < count:
+        raise MotionKitError(f"count: there are {len(sentences)} sentences about {content!r}; found {count!r}")
+    return tuple(sentences)
 
 
 def _ways(content: str | Sequence[str], acts: Sequence) -> list[list[str]]:
     """For each content what is done, in several ways, verbs in braces."""
-    names = content.split(",") if isinstance(content, str) else content
     result = []
-    for name in (n.strip() for n in names):
+    for name in (n.strip() for n in (content.split(",") if isinstance(content, str) else content)):
         verb, *rest = re.split("[-_ ]+", name)
         sides = {act.side for act in acts if act.name == name}
         limb = f" with the {'left' if sides == {1} else 'right'} {_LIMBS.get(name)}" if len(sides) == 1 else ""
@@ -571,13 +346,6 @@ def _ways(content: str | Sequence[str], acts: Sequence) -> list[list[str]]:
         ways = words.ways or words.captured or (" ".join((f"{{{verb}}}", *rest)),)
         result.append([way.replace("%", limb) for way in ways])
     return result
-
-
-def _forms(words: Words, ways: list[list[str]]) -> list[str]:
-    if words is NEUTRAL:
-        return ["plain", "how"]
-    forms = ["how"] + ["who"] * bool(words.who) + ["adverb"] * bool(_adverbs(words))
-    return forms + ["walks"] * (bool(words.walks) and any("{walk}" in w[0] for w in ways))
 
 
 def _adverbs(words: Words) -> list[str]:
@@ -598,13 +366,12 @@ def _sentence(form: str, subject: str, ways: list[list[str]], words: Words, chan
     if form == "walks":
         after = chance.choice(("", f" {adverb}")) if adverb[:4] not in ("", walk[:4]) else ""
         doing = [d.replace("{walk}", f"{{{walk}}}{after}") for d in doing]
-    told = f"{adverb} " * (form == "adverb") + _doing(doing, ending) + f"{_comma(ways)} {how}" * (form == "how")
-    return f"{who} {'is ' if ending == 'ing' else ''}{told}"
+    does = f"{adverb} " * (form == "adverb") + _doing(doing, ending) + f"{_comma(ways)} {how}" * (form == "how")
+    return f"{who} {'is ' if ending == 'ing' else ''}{does}"
 
 
 def _doing(doing: Sequence[str], ending: str) -> str:
-    told = [conjugate(d, ending) for d in doing]
-    return (" and then " if len(told) == 2 else ", then ").join(told)
+    return (" and then " if len(doing) == 2 else ", then ").join(conjugate(d, ending) for d in doing)
 
 
 def _comma(ways: Sequence) -> str:

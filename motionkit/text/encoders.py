@@ -1,4 +1,8 @@
-"""Sentences to vectors: what every text encoder offers, a memory for their results, and a check of prompts."""
+"""Sentences to vectors: what every encoder offers, a cache of vectors, the kit's own encoder, and other people's.
+
+`TextEncoder` is the interface, `CachedEncoder` keeps what another one answered, `Mini` is the shipped one, and
+`Pretrained` stands for models of sentence-transformers, of CLIP (through transformers) and of open_clip.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +33,7 @@ from torch.nn import functional
 from .. import checkpoints
 from ..checkpoints import Checkpoint, Saved
 from ..errors import MotionKitError
-from ..files import MotionKitWarning, write_atomic
+from ..files import MotionKitWarning, cache_folder, write_atomic
 
 
 class TextEncoder(ABC):
@@ -67,8 +71,8 @@ class TextEncoder(ABC):
         several = sorted(set(texts), key=lambda text: (len(text), text))  # like lengths together: little padding
         parts = [several[n : n + self.batch] for n in range(0, len(several), self.batch)]
         with torch.no_grad():
-            found = [self.embed(part).detach().to("cpu", torch.float32) for part in parts]
-        vectors = torch.cat([torch.empty(0, self.size), *found])
+            embedded = [self.embed(part).detach().to("cpu", torch.float32) for part in parts]
+        vectors = torch.cat([torch.empty(0, self.size), *embedded])
         if not torch.isfinite(vectors).all():
             bad = several[int((~torch.isfinite(vectors)).any(-1).nonzero()[0])]
             raise MotionKitError(
@@ -104,14 +108,14 @@ def content_key(weights: Mapping[str, Tensor], *states: str) -> str:
     >>> content_key({"w": torch.zeros(2)}) == content_key({"w": torch.zeros(2)}, "another tokenizer")
     False
     """
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for name in sorted(weights):
         value = weights[name].detach().cpu().contiguous()
-        found.update(f"{name} {value.dtype} {tuple(value.shape)}\n".encode())
-        found.update(value.reshape(-1).view(torch.uint8).numpy())
+        digest.update(f"{name} {value.dtype} {tuple(value.shape)}\n".encode())
+        digest.update(value.reshape(-1).view(torch.uint8).numpy())
     for state in states:
-        found.update(f"{len(state.encode())}\n{state}\n".encode())
-    return found.hexdigest()
+        digest.update(f"{len(state.encode())}\n{state}\n".encode())
+    return digest.hexdigest()
 
 
 def similarity(a: Tensor, b: Tensor) -> Tensor:
@@ -199,11 +203,7 @@ class CachedEncoder(TextEncoder):
     @property
     def path(self) -> Path:
         """The file that the vectors lie in."""
-        if self.folder is not None:
-            return self.folder / f"{self.key}.safetensors"
-        from ..files import cache_folder  # `datasets` itself takes its words from `text`
-
-        return cache_folder() / "text" / f"{self.key}.safetensors"
+        return (self.folder or cache_folder() / "text") / f"{self.key}.safetensors"
 
     def embed(self, texts: list[str]) -> Tensor:
         """The vectors [N, E], asked of the encoder itself."""
@@ -225,8 +225,8 @@ class CachedEncoder(TextEncoder):
     def _read(self) -> dict[bytes, Tensor]:
         """What the file holds, by hash of the text; nothing if it is missing or damaged."""
         try:
-            found = read_tensors(self.path.read_bytes())
-            hashes, vectors, check = found["hashes"], found["vectors"], found["check"]
+            tensors = read_tensors(self.path.read_bytes())
+            hashes, vectors, check = tensors["hashes"], tensors["vectors"], tensors["check"]
         except (OSError, SafetensorError, KeyError, ValueError):
             return {}
         fits = hashes.dtype == torch.uint8 and hashes.shape[1:] == (32,) and vectors.dtype == torch.float32
@@ -292,8 +292,8 @@ def subwords(word: str, buckets: int) -> tuple[int, ...]:
     (10, True)
     """
     marked = f"<{word}>"
-    found = [marked[n : n + size] for size in (3, 4, 5) for n in range(len(marked) - size + 1)]
-    return tuple(1 + zlib.crc32(piece.encode()) % buckets for piece in [f"={word}", *found])
+    pieces = [marked[n : n + size] for size in (3, 4, 5) for n in range(len(marked) - size + 1)]
+    return tuple(1 + zlib.crc32(piece.encode()) % buckets for piece in [f"={word}", *pieces])
 
 
 class MiniNetwork(nn.Module):
@@ -324,9 +324,11 @@ class MiniNetwork(nn.Module):
         starts = torch.tensor([0, *map(len, pieces)], device=flat.device).cumsum(0)[:-1]
         each = self.pieces(flat, starts).split([len(sentence) for sentence in words])
         x = nn.utils.rnn.pad_sequence(each, batch_first=True)  # [N, W, width]
-        there = torch.arange(x.shape[1], device=x.device) < torch.tensor([len(w) for w in words]).to(x.device)[:, None]
-        seen = self.encoder(x + self.waves[: x.shape[1]], src_key_padding_mask=~there)
-        pooled = (seen * there[..., None]).sum(1) / there.sum(1, keepdim=True)
+        is_word = (
+            torch.arange(x.shape[1], device=x.device) < torch.tensor([len(w) for w in words]).to(x.device)[:, None]
+        )
+        encoded = self.encoder(x + self.waves[: x.shape[1]], src_key_padding_mask=~is_word)
+        pooled = (encoded * is_word[..., None]).sum(1) / is_word.sum(1, keepdim=True)
         return nn.functional.normalize(self.output(pooled), dim=1)
 
 
@@ -367,16 +369,12 @@ def load_mini() -> Mini:
     return Mini.load(checkpoints.find("text-mini"))
 
 
-# Of a configuration: what says how or by whom a model was saved, not what it answers.
-_BESIDES = ("_name_or_path", "transformers_version", "architectures", "dtype", "torch_dtype")
-
-
 class Pretrained(TextEncoder):
     """A text encoder that somebody else trained.
 
     name: as `text.load` takes it. network: frozen here, in float32. run: up to `batch` sentences to vectors [N, E].
-    states: what the answers depend on beside the weights, as text. count: sentences to numbers of tokens; those with
-    more than `limit` are cut, with a MotionKitWarning. weights: of the network, which to count for the key.
+    states: what the answers depend on beside the weights, as text. tokenizer: counts the tokens of sentences; those
+    with more than `limit` are cut, with a MotionKitWarning. weights: of the network, which to count for the key.
 
     >>> network = nn.Linear(1, 3)
     >>> encoder = Pretrained("lengths", network, lambda texts: network(torch.tensor([[float(len(t))] for t in texts])))
@@ -391,25 +389,27 @@ class Pretrained(TextEncoder):
         run: Callable[[list[str]], Tensor],
         states: Sequence[str] = (),
         *,
-        count: Callable[[list[str]], list[int]] | None = None,
+        tokenizer: Callable | None = None,
         limit: int | None = None,
         weights: Callable[[str], bool] = lambda name: True,
     ) -> None:
         self.name = name
         self.network = network.float().eval().requires_grad_(False)
-        self._run, self._count, self._limit = run, count, limit
+        self._run, self._tokenizer, self._limit = run, tokenizer, limit
         self.key = content_key({k: v for k, v in network.state_dict().items() if weights(k)}, *states)
         with torch.no_grad():
             self.size = run(["a person walks"]).shape[1]
 
     def embed(self, texts: list[str]) -> Tensor:
         """The vectors [N, E]."""
-        if self._count is not None and self._limit is not None:
-            for text, tokens in zip(texts, self._count(texts)):
-                if tokens > self._limit:
+        if self._tokenizer is not None and self._limit is not None:
+            with _quiet():  # it warns of long sentences itself, but not always
+                tokens = self._tokenizer(texts, truncation=False, padding=False)["input_ids"]
+            for text, ids in zip(texts, tokens):
+                if len(ids) > self._limit:
                     warnings.warn(
-                        f"{self.name} reads {self._limit} tokens; of the {tokens} of {text[:40]!r}... the last do not "
-                        "count; say it in fewer words",
+                        f"{self.name} reads {self._limit} tokens; of the {len(ids)} of {text[:40]!r}... the last do "
+                        "not count; say it in fewer words",
                         MotionKitWarning,
                         stacklevel=3,
                     )
@@ -431,17 +431,16 @@ def sentence_transformer(model: str) -> Pretrained:
     package = _package(name, "sentence_transformers", "pip install -e .[text]")
     with _loading(name):
         make = package.SentenceTransformer
-        made = _local_first(place, lambda where, local: make(where, device="cpu", local_files_only=local))
-        tokenizer = made.tokenizer
-        states = [repr(made), str(made.max_seq_length), json.dumps([made.prompts, made.default_prompt_name])]
-        config = getattr(getattr(made[0], "auto_model", None), "config", None)
-        states += [_config(config) if config is not None else "", _tokenizer(tokenizer)]
+        network = _local_first(place, lambda where, local: make(where, device="cpu", local_files_only=local))
+        tokenizer, limit = network.tokenizer, network.max_seq_length
+        states = [repr(network), str(limit), json.dumps([network.prompts, network.default_prompt_name])]
+        config = getattr(getattr(network[0], "auto_model", None), "config", None)
+        states += [_config_text(config) if config is not None else "", _tokenizer_text(tokenizer)]
 
         def run(texts: list[str]) -> Tensor:
-            return made.encode(texts, batch_size=len(texts), convert_to_tensor=True, show_progress_bar=False)
+            return network.encode(texts, batch_size=len(texts), convert_to_tensor=True, show_progress_bar=False)
 
-        count = _counter(tokenizer) if callable(tokenizer) else None
-        return Pretrained(name, made, run, states, count=count, limit=made.max_seq_length)
+        return Pretrained(name, network, run, states, tokenizer=tokenizer if callable(tokenizer) else None, limit=limit)
 
 
 def clip(model: str) -> Pretrained:
@@ -462,9 +461,10 @@ def clip(model: str) -> Pretrained:
     with _loading(name):
 
         def load(where: str, local: bool) -> tuple[Any, Any, Any]:
-            made = package.CLIPTextModelWithProjection
-            tower = made.from_pretrained(where, local_files_only=local, output_loading_info=True)
-            return *tower, package.AutoTokenizer.from_pretrained(where, local_files_only=local)
+            make = package.CLIPTextModelWithProjection.from_pretrained
+            return *make(
+                where, local_files_only=local, output_loading_info=True
+            ), package.AutoTokenizer.from_pretrained(where, local_files_only=local)
 
         network, info, tokenizer = _local_first(place, load)
         if info["missing_keys"]:
@@ -478,8 +478,8 @@ def clip(model: str) -> Pretrained:
             tokens = tokenizer(texts, padding=True, truncation=True, max_length=limit, return_tensors="pt")
             return network(input_ids=tokens["input_ids"], attention_mask=tokens["attention_mask"]).text_embeds
 
-        states = (_config(network.config), _tokenizer(tokenizer))
-        return Pretrained(name, network, run, states, count=_counter(tokenizer), limit=limit)
+        states = (_config_text(network.config), _tokenizer_text(tokenizer))
+        return Pretrained(name, network, run, states, tokenizer=tokenizer, limit=limit)
 
 
 def open_clip(model: str) -> Pretrained:
@@ -511,17 +511,14 @@ def open_clip(model: str) -> Pretrained:
         known = str(file) if weights and file.is_file() else weights
         network = package.create_model(arch, pretrained=known, device="cpu", require_pretrained=True)
         tokenizer = package.get_tokenizer(arch)
-        return _open_clip_tower(name, network, tokenizer)
+        inner = getattr(tokenizer, "tokenizer", None)  # of transformers; else open_clip's own
+        words = _tokenizer_text(inner) if inner is not None else json.dumps(sorted(tokenizer.encoder.items()))
+        states = (repr(network), words, str(tokenizer.context_length))
 
+        def run(texts: list[str]) -> Tensor:
+            return network.encode_text(tokenizer(texts))
 
-def _open_clip_tower(name: str, network: nn.Module, tokenizer: Any) -> Pretrained:
-    def run(texts: list[str]) -> Tensor:
-        return network.encode_text(tokenizer(texts))
-
-    inner = getattr(tokenizer, "tokenizer", None)  # of transformers; else open_clip's own
-    words = _tokenizer(inner) if inner is not None else json.dumps(sorted(tokenizer.encoder.items()))
-    states = (repr(network), words, str(tokenizer.context_length))
-    return Pretrained(name, network, run, states, weights=lambda key: not key.startswith("visual."))
+        return Pretrained(name, network, run, states, weights=lambda key: not key.startswith("visual."))
 
 
 def _place(name: str, model: str) -> str:
@@ -541,21 +538,15 @@ def _local_first(where: str, load: Callable[[str, bool], Any]) -> Any:
     except (OSError, ValueError):
         if Path(where).is_dir():
             raise
-    _reach_network()
-    return load(where, False)
-
-
-def _reach_network() -> None:
-    """OSError within seconds where there is no network; the packages themselves try for a minute."""
-    try:
+    with suppress(ImportError):
         from huggingface_hub import constants
         from huggingface_hub.utils import get_session
 
-        get_session().head(constants.ENDPOINT, timeout=5)
-    except ImportError:
-        return
-    except Exception as error:  # of whichever client it uses
-        raise OSError("it is not on disk, and the network cannot be reached") from error
+        try:  # within seconds: the packages themselves try for a minute
+            get_session().head(constants.ENDPOINT, timeout=5)
+        except Exception as error:  # of whichever client it uses
+            raise OSError("it is not on disk, and the network cannot be reached") from error
+    return load(where, False)
 
 
 def _package(name: str, module: str, how: str) -> Any:
@@ -608,25 +599,18 @@ def _quiet() -> Iterator[None]:
             bars.enable_progress_bar()
 
 
-def _config(config: Any) -> str:
-    """A model's configuration as text."""
-    told = {key: value for key, value in config.to_dict().items() if key not in _BESIDES}
-    return json.dumps(told, sort_keys=True, default=str)
+def _config_text(config: Any) -> str:
+    """A model's configuration as text, without how or by whom it was saved, which is nothing to its answers."""
+    besides = ("_name_or_path", "transformers_version", "architectures", "dtype", "torch_dtype")
+    facts = {key: value for key, value in config.to_dict().items() if key not in besides}
+    return json.dumps(facts, sort_keys=True, default=str)
 
 
-def _tokenizer(tokenizer: Any) -> str:
+def _tokenizer_text(tokenizer: Any) -> str:
     """A tokenizer's words and rules as text, without what changes from call to call."""
-    rules = getattr(tokenizer, "backend_tokenizer", None)
-    if rules is None:
+    backend = getattr(tokenizer, "backend_tokenizer", None)
+    if backend is None:
         words = tokenizer.get_vocab() if hasattr(tokenizer, "get_vocab") else repr(tokenizer)
         return json.dumps(words, sort_keys=True, default=str)
-    told = json.loads(rules.to_str())
-    return json.dumps({key: value for key, value in told.items() if key not in ("padding", "truncation")})
-
-
-def _counter(tokenizer: Any) -> Callable[[list[str]], list[int]]:
-    def count(texts: list[str]) -> list[int]:
-        with _quiet():  # it warns of long sentences itself, but not always
-            return [len(ids) for ids in tokenizer(texts, truncation=False, padding=False)["input_ids"]]
-
-    return count
+    rules = json.loads(backend.to_str())
+    return json.dumps({key: value for key, value in rules.items() if key not in ("padding", "truncation")})

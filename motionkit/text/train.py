@@ -1,4 +1,4 @@
-"""Sentences to learn words from: all that the kit's data sets could say of any content in any style."""
+"""Training the kit's text encoder: sentences to learn from, two towers that learn to agree, and the card."""
 
 from __future__ import annotations
 
@@ -16,9 +16,7 @@ from ..features import Normalizer
 from ..features.facing_free import OfBody
 from ..layers import SemanticEncoder, TransformerConfig
 from ..training import TrainConfig, TrainOrder, fit
-from . import captions
-from . import captions as acted
-from . import captions as captured
+from .captions import CONTENTS, STYLES, capture_captions, content_words, gerund, performed_captions
 from .encoders import Mini, MiniConfig, MiniNetwork
 
 
@@ -31,23 +29,27 @@ class Meaning:
     texts: tuple[str, ...]
 
 
-# Contents of captures whose words are made from their names (`captions.doing`).
+# Contents of captures whose words are made from their names (`captions.gerund`).
 _HANDS = tuple(f"{verb}-{side}" for verb in ("wave", "raise-up") for side in ("both-hands", "left-hand", "right-hand"))
 
 
 def meanings(seed: int = 0) -> list[Meaning]:
     """All contents in all styles that there are words for, each meaning once.
 
-    >>> found = meanings()
-    >>> len(found) > 3000, min(len(one.texts) for one in found) >= 4
+    >>> every = meanings()
+    >>> len(every) > 3000, min(len(meaning.texts) for meaning in every) >= 4
     (True, True)
     """
-    styles = {captions.STYLES[style].how[0]: style for style in sorted(captions.STYLES, reverse=True)}
     return [
         Meaning(content, style, texts_for(content, style, seed))
-        for content in sorted({*captions.CONTENTS, *_HANDS})
-        for style in sorted(styles.values())
+        for content in sorted({*CONTENTS, *_HANDS})
+        for style in sorted(_style_by_phrase().values())
     ]
+
+
+def _style_by_phrase() -> dict[str, str]:
+    """By its first phrase, one name for each style: some have two."""
+    return {STYLES[style].how[0]: style for style in sorted(STYLES, reverse=True)}
 
 
 def texts_for(content: str, style: str, seed: int = 0) -> tuple[str, ...]:
@@ -56,12 +58,12 @@ def texts_for(content: str, style: str, seed: int = 0) -> tuple[str, ...]:
     >>> texts_for("walk-back", "old")[-1]
     'someone is stepping back in an old way'
     """
-    deed, found = captions.content_words(content), ()
-    if deed.ways:
-        found = acted.performed_captions(content.replace("-", "_"), style, seed, 6)
-    if deed.captured or not deed.ways:
-        found += captured.capture_captions(*captured.gerund(content), style)
-    return tuple(dict.fromkeys(found))
+    words, texts = content_words(content), ()
+    if words.ways:
+        texts = performed_captions(content.replace("-", "_"), style, seed, 6)
+    if words.captured or not words.ways:
+        texts += capture_captions(*gerund(content), style)
+    return tuple(dict.fromkeys(texts))
 
 
 def nonsense(chance: random.Random) -> str:
@@ -174,11 +176,9 @@ def _loss(towers: nn.Module, batch: dict) -> Tensor:
 
 def _classes(data: Dataset) -> list[tuple[str, str]]:
     """Content and style of each clip, by the names that `meanings` has."""
-    from .captions import STYLES
-
-    first = {words.how[0]: style for style, words in sorted(STYLES.items(), reverse=True)}
+    names = _style_by_phrase()
     return [
-        (clip.content.replace("_", "-"), first[STYLES[clip.style].how[0]] if clip.style in STYLES else clip.style)
+        (clip.content.replace("_", "-"), names[STYLES[clip.style].how[0]] if clip.style in STYLES else clip.style)
         for clip in data
     ]
 

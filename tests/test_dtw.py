@@ -29,22 +29,22 @@ def paths(rows: int, columns: int, starts: list[int], ends: list[int]):
                 todo.append([*path, (i + step[0], j + step[1])])
 
 
-def cost_of(path: list, costs: torch.Tensor, stall: float) -> float:
+def cost_of(path: list, costs: torch.Tensor, penalty: float) -> float:
     steps = [(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(path)]
-    return float(sum(costs[i, j] for i, j in path)) + stall * sum(s != (1, 1) for s in steps)
+    return float(sum(costs[i, j] for i, j in path)) + penalty * sum(s != (1, 1) for s in steps)
 
 
 @given(st.integers(1, 4), st.integers(1, 5), st.booleans(), st.sampled_from([0.0, 0.3]), st.integers(0, 1000))
-def test_no_path_is_cheaper(rows, columns, segment, stall, seed):
+def test_no_path_is_cheaper(rows, columns, segment, penalty, seed):
     costs = torch.rand(rows, columns, generator=torch.Generator().manual_seed(seed))
     anywhere = list(range(columns))
     every = paths(rows, columns, anywhere if segment else [0], anywhere if segment else [columns - 1])
-    least = min(cost_of(p, costs, stall) for p in every)
-    found = [tuple(cell) for cell in dtw(costs, stall=stall, segment=segment).tolist()]
-    assert cost_of(found, costs, stall) == pytest.approx(least, abs=1e-5)
+    least = min(cost_of(p, costs, penalty) for p in every)
+    found = [tuple(cell) for cell in dtw(costs, step_penalty=penalty, segment=segment).tolist()]
+    assert cost_of(found, costs, penalty) == pytest.approx(least, abs=1e-5)
     steps = {(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(found)}
     assert steps <= {(1, 1), (1, 0), (0, 1)} and found[0][0] == 0 and found[-1][0] == rows - 1
-    assert float(dtw_costs(costs[None], stall=stall, segment=segment)) == pytest.approx(least, abs=1e-5)
+    assert float(dtw_costs(costs[None], step_penalty=penalty, segment=segment)) == pytest.approx(least, abs=1e-5)
 
 
 @pytest.mark.parametrize("segment", [False, True])
@@ -53,8 +53,8 @@ def test_many_at_once_cost_what_each_costs(segment):
     lengths = [7, 3, 12]
     parts = [torch.rand(9, n, generator=g) for n in lengths]
     padded = torch.stack([torch.nn.functional.pad(p, (0, 12 - p.shape[1])) for p in parts])
-    found = dtw_costs(padded, torch.tensor(lengths), stall=0.1, segment=segment)
-    alone = torch.cat([dtw_costs(p[None], stall=0.1, segment=segment) for p in parts])
+    found = dtw_costs(padded, torch.tensor(lengths), step_penalty=0.1, segment=segment)
+    alone = torch.cat([dtw_costs(p[None], step_penalty=0.1, segment=segment) for p in parts])
     assert torch.allclose(found, alone)
 
 

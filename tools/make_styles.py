@@ -1,8 +1,8 @@
-"""The space of styles and the styles in it, as Markdown: `python -m motionkit.actor > docs/styles.md`."""
+"""The space of styles and the styles in it, as Markdown: `python tools/make_styles.py > docs/styles.md`."""
 
 from __future__ import annotations
 
-from .style import HELD_OUT_STYLES, TRAIN_STYLES, get_style, parameters
+from motionkit.actor import HELD_OUT_STYLES, TRAIN_STYLES, get_style, parameters
 
 _HEAD = """# Styles
 
@@ -10,7 +10,7 @@ A style of `mk.actor` is a point in a space of named numbers. Angles are in radi
 beats (a beat is a step of the walk), `x` stands for a factor. `Style(name, lean=0.2, ...)` makes one of your own,
 `mix({a: 0.5, b: 0.5})` one in between, and `style.at(1.5)` exaggerates.
 
-Made by `python -m motionkit.actor > docs/styles.md`; a test holds it to the code.
+Made by `python tools/make_styles.py > docs/styles.md`; a test holds it to the code.
 """
 
 
