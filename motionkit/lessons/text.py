@@ -129,11 +129,11 @@ class PromptBox(MessageBox):
     sentence is told there too: an empty one makes nothing and the motion before stays, one far from all that is known
     is performed with a warning.
 
-    prior: a `text_to_motion.Prior`, or anything with its `generate`, `longest`, `fps`, `guided`, `encoder`, `known` and
-    `known_embeddings`. seconds: of the motion, at most what the prior learned from; 4, or that, if left out. scale: of
-    guidance; `text_to_motion.GUIDANCE_SCALE` if left out, where it can be guided. steps: of the sampler. seed: of the
-    noise. Raises MotionKitError if the first sentence, or a number, will not do. Source: paper 1, section 3.3, with a
-    box around it.
+    prior: a `text_to_motion.Prior`, or anything with its `generate`, `longest`, `fps`, `guided`, `encoder`,
+    `train_captions` and `caption_embeddings`. seconds: of the motion, at most what the prior learned from; 4, or that,
+    if left out. scale: of guidance; `text_to_motion.GUIDANCE_SCALE` if left out, where it can be guided. steps: of the
+    sampler. seed: of the noise. Raises MotionKitError if the first sentence, or a number, will not do. Source: paper 1,
+    section 3.3, with a box around it.
 
     controls: "prompt", "seconds", "scale" and "seed", name to widget; set their values and the box follows. `motion` is
     what is shown, `message` what stands under the controls.
@@ -222,7 +222,7 @@ class PromptBox(MessageBox):
 
 
 def _check_prior(prior: object) -> None:
-    needed = ("generate", "longest", "fps", "guided", "encoder", "known", "known_embeddings")
+    needed = ("generate", "longest", "fps", "guided", "encoder", "train_captions", "caption_embeddings")
     missing = [name for name in needed if not hasattr(prior, name)]
     if missing:
         raise MotionKitError(
@@ -250,9 +250,9 @@ def _nearest(prior: object, prompt: str) -> str:
     """Which of the sentences that it learned from is nearest, in words; nothing where there is no sentence."""
     if not isinstance(prompt, str) or not prompt.strip():
         return ""
-    near = similarity(prior.encoder.encode([prompt]), prior.known_embeddings)[0]
+    near = similarity(prior.encoder.encode([prompt]), prior.caption_embeddings)[0]
     best = int(near.argmax())
-    return f"nearest known: {prior.known[best]!r}, similarity {float(near[best]):.2f}"
+    return f"nearest known: {prior.train_captions[best]!r}, similarity {float(near[best]):.2f}"
 
 
 def _button(text: str, about: str, style: str) -> ipywidgets.Button:
