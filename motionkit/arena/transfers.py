@@ -40,7 +40,7 @@ from ..contacts import foot_contacts
 from ..datasets import Clip, Dataset, Item, performed
 from ..errors import MotionKitError, motion_inside
 from ..files import read_bytes, write_atomic
-from ..metrics import from_own_place
+from ..metrics import canonical_positions
 from ..motion import Motion
 from .protocols import Transfer
 
@@ -386,7 +386,7 @@ def error_against(result: Motion, answer: Motion) -> float:
     >>> error_against(walk.transform(1.0, (2.0, 0.0, 0.0)), walk) < 0.01
     True
     """
-    places = (from_own_place(answer, motion.positions()) for motion in (result, answer))
+    places = (canonical_positions(answer, motion.positions()) for motion in (result, answer))
     return 1000 * float(torch.linalg.vector_norm(torch.sub(*places), dim=-1).mean())
 
 
