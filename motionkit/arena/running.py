@@ -3,38 +3,35 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 
 import torch
-from torch import Tensor
 
 import motionkit
 
-from .. import datasets
+from .. import datasets, judges
 from ..datasets import Dataset, Split
 from ..datasets.cache import make_folder
 from ..errors import MotionKitError
 from ..files import cache_folder
-from . import transfers
+from .cache_key import dataset_key
 from .protocols import Protocol, Transfer, get_protocol
-from .table import ArenaTable, EvalContext, Results, Row, scores_of, scores_of_clips
+from .table import ArenaTable, EvalContext, Results, Row, figures
 from .transfers import (
+    FORMAT,
     REAL,
     Evaluator,
     GroundTruth,
-    Measured,
-    MethodEntry,
-    dataset_key,
     evaluate,
     evaluate_clips,
     generate,
     judge_key,
     method_entries,
+    result_path,
 )
 
 
@@ -43,8 +40,8 @@ def run(
     dataset: str | Dataset | Split = "actor",
     protocol: str | Protocol = "small",
     seed: int = 0,
-    resume: bool = True,
     *,
+    resume: bool = True,
     judge: object = None,
     root: str | os.PathLike | None = None,
     folder: str | os.PathLike | None = None,
@@ -65,108 +62,73 @@ def run(
     ...
     motionkit.errors.MotionKitError: no protocol 'paper-7'; there are 'paper-1', ...
     """
-    entrants, protocol = method_entries(methods), get_protocol(protocol)
+    entries, protocol = method_entries(methods), get_protocol(protocol)
     if not isinstance(seed, int):
         raise MotionKitError(f"the arena's seed is a whole number; found {seed!r}")
     split = _split_of(dataset, root)
-    judge = _judge_of(judge, split)
+    test, judge = split.test, _judge_of(judge, split.test)
+    transfers = protocol.transfers(test, seed)
     base = Path(folder).expanduser() if folder is not None else cache_folder() / "arena"
-    return _Work(split, judge, protocol, seed, base, jobs, shrinkage).table(entrants, resume)
+    evaluator = Evaluator(judge, test, GroundTruth.for_dataset(test, base))
+    key = judge_key(evaluator)
 
+    # What the judge sees in the clips themselves, whatever the protocol, and in as many training clips
+    train, clips_folder = _sample(split.train, len(test), seed), _folder(base, split, "clips")
+    clips = evaluate_clips(evaluator, test, clips_folder / f"clips-test-{key}.safetensors", jobs)
+    train_clips = evaluate_clips(evaluator, train, clips_folder / f"clips-train-{seed}-{key}.safetensors", jobs)
+    ids = {label: getattr(judge, label).ids([getattr(clip, label) for clip in test]) for label in ("content", "style")}
 
-@dataclass(frozen=True, eq=False)
-class _Work:
-    """What all methods of a table have in common."""
-
-    split: Split
-    judge: object
-    protocol: Protocol
-    seed: int
-    base: Path
-    jobs: int | None
-    shrinkage: float | None
-
-    def table(self, entrants: Sequence[MethodEntry], resume: bool) -> ArenaTable:
-        """Make, measure, and put the figures together."""
-        test, transfers = self.split.test, self.transfers
-        bench = Evaluator(self.judge, test, GroundTruth.of(test, self.base))
-        key, train = judge_key(bench), _sample(self.split.train, len(test), self.seed)
-        clips = evaluate_clips(bench, test, self.clips_place, f"test-{key}", self.jobs)
-        learned = evaluate_clips(bench, train, self.clips_place, f"train-{self.seed}-{key}", self.jobs)
-        setting = self._setting(clips)
-        rows, views = [], {}
-        right = {"content": setting.content_ids, "style": setting.style_ids}
-        for entrant in entrants:
-            own, measured = self._play(entrant, bench, key, resume)
-            failed = {n: f"{_names(test, transfers[n])}: {problem}" for n, problem in measured.problems.items()}
-            rows.append(Row(entrant.name, scores_of(measured, setting, self.protocol.columns), len(transfers), failed))
-            views[entrant.name] = Results(entrant.name, test, transfers, measured, right, own)
-        ids = {label: self._ids(label) for label in ("content", "style")}
-        rows.append(Row(REAL, scores_of_clips(clips, ids, learned, setting), len(test)))
-        views[REAL] = Results(REAL, test, tuple(Transfer(n, n) for n in range(len(test))), clips, ids)
-        return ArenaTable(tuple(rows), self._columns(rows), self._provenance(), views)
-
-    def _columns(self, rows: list[Row]) -> tuple[str, ...]:
-        """The protocol's columns but those that no row can have, as the truth's where nobody knows it."""
-        known = [c for c in self.protocol.columns if any(row.cell(c).value == row.cell(c).value for row in rows)]
-        return tuple(known) or self.protocol.columns
-
-    @cached_property
-    def transfers(self) -> tuple[Transfer, ...]:
-        return self.protocol.transfers(self.split.test, self.seed)
-
-    @cached_property
-    def place(self) -> Path:
-        """The folder of these clips, this protocol and seed."""
-        return self._folder(f"{_plain(self.protocol.name)}-{self.seed}", f" {self.protocol!r} {self.seed}")
-
-    @cached_property
-    def clips_place(self) -> Path:
-        """The folder of what the judge sees in the clips themselves, whatever the protocol."""
-        return self._folder("clips")
-
-    def _folder(self, what: str, more: str = "") -> Path:
-        text = f"{transfers.FORMAT} {dataset_key(self.split.train, self.split.test)}{more}"
-        name = f"{_plain(self.split.test.name)}-{what}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
-        return make_folder(self.base / name, "give another one: run(..., folder=...)")
-
-    def _play(self, entrant: MethodEntry, bench: Evaluator, key: str, resume: bool) -> tuple[Path, Measured]:
-        """A method's folder, and the figures of its results, made first where they are missing."""
-        own = self.place / f"{_plain(entrant.name)}-{entrant.key}"
-        own.mkdir(exist_ok=True)
+    # A row for each method: its results, made first where they are missing, and their figures
+    contents, styles, repeats = map(torch.tensor, zip(*transfers))
+    right_ids = {"content": ids["content"][contents], "style": ids["style"][styles]}
+    context = EvalContext(contents, styles, repeats, right_ids, clips, shrinkage, seed)
+    protocol_folder = _folder(base, split, f"{_plain(protocol.name)}-{seed}", f" {protocol!r} {seed}")
+    rows, results = [], {}
+    for entry in entries:
+        place = protocol_folder / f"{_plain(entry.name)}-{entry.key}"
+        place.mkdir(exist_ok=True)
         if not resume:
-            for n in range(len(self.transfers)):
-                transfers.result_path(own, n).unlink(missing_ok=True)
-        failed = generate(entrant, self.split.train, self.split.test, self.transfers, own, self.jobs)
-        measured = evaluate(bench, self.transfers, own, key, self.jobs, entrant.name)
-        return own, replace(measured, problems=dict(sorted({**measured.problems, **failed}.items())))
-
-    def _ids(self, label: str) -> Tensor:
-        """The judge's classes of all test clips."""
-        return getattr(self.judge, label).ids([getattr(clip, label) for clip in self.split.test])
-
-    def _setting(self, clips: Measured) -> EvalContext:
-        contents, styles, repeats = (torch.tensor(numbers) for numbers in zip(*self.transfers))
-        ids = (self._ids("content")[contents], self._ids("style")[styles])
-        return EvalContext(contents, styles, *ids, repeats, clips, self.shrinkage, self.seed)
-
-    def _provenance(self) -> dict:
-        return {
-            "dataset": self.split.test.name,
-            "train_clips": len(self.split.train),
-            "test_clips": len(self.split.test),
-            "protocol": self.protocol.name,
-            "repeats": self.protocol.repeats,
-            "seed": self.seed,
-            "transfers": len(self.transfers),
-            "judge": getattr(self.judge, "name", type(self.judge).__name__),
-            "shrinkage": self.shrinkage,
-            "motionkit": motionkit.__version__,
+            for n in range(len(transfers)):
+                result_path(place, n).unlink(missing_ok=True)
+        failed = generate(entry, split.train, test, transfers, place, jobs)
+        measures = evaluate(evaluator, transfers, place, key, jobs, entry.name)
+        measures = replace(measures, problems=dict(sorted({**measures.problems, **failed}.items())))
+        failed = {
+            n: f"{test[transfers[n].content].name} as {test[transfers[n].style].name}: {problem}"
+            for n, problem in measures.problems.items()
         }
+        cells = figures(measures, context, protocol.columns)
+        rows.append(Row(entry.name, cells, len(transfers), failed, test.name))
+        results[entry.name] = Results(entry.name, test, transfers, measures, right_ids, place)
+
+    # The row of the test clips: what the judge names of them, and how far as many training clips are from them
+    alone, sample = (EvalContext.of_clips(len(part), ids, clips, shrinkage) for part in (test, train))
+    cells = figures(clips, alone, ("cra", "sra", "fsf")) | figures(train_clips, sample, ("fmd", "fmd_ae"))
+    rows.append(Row(REAL, cells, len(test), dataset=test.name))
+    results[REAL] = Results(REAL, test, tuple(Transfer(n, n) for n in range(len(test))), clips, ids)
+
+    # The protocol's columns but those that no row can have, as the truth's where nobody knows it
+    columns = [c for c in protocol.columns if any(not math.isnan(row.cell(c).value) for row in rows)]
+    provenance = {
+        "dataset": test.name,
+        "train_clips": len(split.train),
+        "test_clips": len(test),
+        "protocol": protocol.name,
+        "repeats": protocol.repeats,
+        "seed": seed,
+        "transfers": len(transfers),
+        "judge": getattr(judge, "name", type(judge).__name__),
+        "shrinkage": shrinkage,
+        "motionkit": motionkit.__version__,
+    }
+    return ArenaTable(tuple(rows), tuple(columns) or protocol.columns, provenance, results)
 
 
-def _names(test: Dataset, transfer: Transfer) -> str:
-    return f"{test[transfer.content].name} as {test[transfer.style].name}"
+def _folder(base: Path, split: Split, name: str, about: str = "") -> Path:
+    """A folder of these clips, and of what else it is about."""
+    text = f"{FORMAT} {dataset_key(split.train, split.test)}{about}"
+    place = base / f"{_plain(split.test.name)}-{name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+    return make_folder(place, "give another one: run(..., folder=...)")
 
 
 def _split_of(dataset: str | Dataset | Split, root: str | os.PathLike | None) -> Split:
@@ -181,12 +143,10 @@ def _split_of(dataset: str | Dataset | Split, root: str | os.PathLike | None) ->
     return dataset
 
 
-def _judge_of(judge: object, split: Split) -> object:
+def _judge_of(judge: object, test: Dataset) -> object:
     """The judge, once it is sure that it knows these clips."""
-    name, _ = split.test.name, split.test.skeleton  # an error if its clips have several
+    name, _ = test.name, test.skeleton  # an error if its clips have several
     if judge is None or isinstance(judge, str):
-        from .. import judges
-
         judge = judges.load(judge or name)
     for label in ("content", "style"):
         classifier = getattr(judge, label, None)
@@ -194,14 +154,14 @@ def _judge_of(judge: object, split: Split) -> object:
             raise MotionKitError(
                 f"a judge has classifiers .content and .style, as mk.judges.load gives; found {judge!r}"
             )
-        words = split.test.contents if label == "content" else split.test.styles
+        words = test.contents if label == "content" else test.styles
         unknown = [word for word in words if word not in classifier.labels]
         if unknown:
             raise MotionKitError(
                 f"data set {name!r} has {label} {unknown[0]!r}, for which this judge was not trained; it knows "
                 f"{', '.join(classifier.labels)}. Give a judge of this data set: run(..., judge=...)"
             )
-        body = split.test[0].motion.without_helper_joints().skeleton
+        body = test[0].motion.without_helper_joints().skeleton
         if not classifier.skeleton.same_tree(body):
             raise MotionKitError(
                 f"data set {name!r} has {body!r}, and this judge's {label} classifier was trained on "
