@@ -1,4 +1,11 @@
-"""What judges look at: joints seen from the body, in windows of one length."""
+"""Networks that judge motions: classifiers of content and style, and the feature encoder that FMD measures in.
+
+What a judge sees of a motion, the classifier, the autoencoder, how both are trained, and the shipped ones.
+
+>>> import motionkit as mk
+>>> mk.judges.load("actor")
+Judge('actor', 12 contents, 8 styles)
+"""
 
 from __future__ import annotations
 
@@ -24,6 +31,9 @@ from .skeleton import Skeleton
 from .training import TrainConfig, default_path, device_of, fit, main_process_first, training_card
 
 WINDOW, STRIDE = 64, 32  # frames
+BATCH = 64  # windows
+
+# What a judge sees
 
 
 def prepare(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
@@ -55,10 +65,10 @@ def as_list(motions: Sequence[Motion | None]) -> list[Motion | None]:
     """The motions as a list; MotionKitError for a single one, or none."""
     if isinstance(motions, Motion):
         raise MotionKitError("a judge takes several motions: give a list, [motion] for one")
-    found = list(motions)
-    if not found:
+    motions = list(motions)
+    if not motions:
         raise MotionKitError("a judge was given no motions")
-    return found
+    return motions
 
 
 def joint_features(motion: Motion) -> Tensor:
@@ -72,8 +82,9 @@ def joint_features(motion: Motion) -> Tensor:
     torch.Size([120, 22, 6])
     """
     body = canonicalize(motion)
-    moved = forward_difference(motion.positions()) * motion.fps
-    return torch.cat((body.local, rot.quaternion_rotate(rot.yaw_to_quaternion(-body.yaw)[:, None], moved)), -1).float()
+    velocities = forward_difference(motion.positions()) * motion.fps
+    velocities = rot.quaternion_rotate(rot.yaw_to_quaternion(-body.yaw)[:, None], velocities)
+    return torch.cat((body.local, velocities), -1).float()
 
 
 def joint_rotations(motion: Motion) -> Tensor:
@@ -83,16 +94,16 @@ def joint_rotations(motion: Motion) -> Tensor:
     >>> joint_rotations(mk.load("data/actor/walk_neutral.bvh")).shape
     torch.Size([120, 22, 4])
     """
-    body, turns = canonicalize(motion), motion.rotations.clone()
+    body, rotations = canonicalize(motion), motion.rotations.clone()
     for joint in motion.skeleton.ancestors(motion.skeleton.pelvis):
-        turns[:, joint] = rot.quaternion_multiply(rot.yaw_to_quaternion(-body.yaw), body.world[:, joint])
-    return rot.quaternion_canonical(turns).float()
+        rotations[:, joint] = rot.quaternion_multiply(rot.yaw_to_quaternion(-body.yaw), body.world[:, joint])
+    return rot.quaternion_canonical(rotations).float()
 
 
-def cut(frames: int, length: int = WINDOW, stride: int = STRIDE) -> list[int]:
+def window_starts(frames: int, length: int = WINDOW, stride: int = STRIDE) -> list[int]:
     """Where windows start so that they cover all frames; one window, as long as the clip, if that is shorter.
 
-    >>> cut(120), cut(40)
+    >>> window_starts(120), window_starts(40)
     ([0, 32, 56], [0])
     """
     return sorted({*range(0, max(frames - length, 0) + 1, stride), max(frames - length, 0)})
@@ -101,46 +112,38 @@ def cut(frames: int, length: int = WINDOW, stride: int = STRIDE) -> list[int]:
 @torch.no_grad()
 def mean_over_windows(
     motions: Sequence[Motion | None],
-    numbers: Callable[[Motion], Tensor],
+    encode: Callable[[Motion], Tensor],
     network: Callable[[Tensor], Tensor],
     length: int,
 ) -> Tensor:
     """What a network says of motions, the mean over each one's windows: [N, D].
 
-    numbers: a motion to [F, ...]; network: windows [B, F, ...] to [B, D]. None, a result that is
+    encode: a motion to [F, ...]; network: windows [B, F, ...] to [B, D]. None, a result that is
     missing, gets NaN.
     """
-    found: list[Tensor | None] = []
-    for start in range(0, len(motions), 64):
-        found += _chunk(motions[start : start + 64], numbers, network, length)
-    there = next((x for x in found if x is not None), None)
-    if there is None:
-        raise MotionKitError(f"all {len(motions)} motions given to a judge are None; there is nothing to see")
-    return torch.stack([torch.full_like(there, torch.nan) if x is None else x for x in found])
-
-
-def _chunk(
-    motions: Sequence[Motion | None],
-    numbers: Callable[[Motion], Tensor],
-    network: Callable[[Tensor], Tensor],
-    length: int,
-) -> list[Tensor | None]:
-    windows: dict[int, list[tuple[int, Tensor]]] = {}  # by their length
-    for n, motion in enumerate(motions):
-        if motion is None:
-            continue
-        x = numbers(motion)
-        for start in cut(len(x), length):
-            piece = x[start : start + length]
-            windows.setdefault(len(piece), []).append((n, piece))
-    sums: list[Tensor | None] = [None] * len(motions)
+    sums: dict[int, Tensor] = {}
     counts = [0] * len(motions)
-    for pieces in windows.values():
-        for some in (pieces[n : n + 64] for n in range(0, len(pieces), 64)):
-            for (n, _), value in zip(some, network(torch.stack([piece for _, piece in some]))):
-                sums[n] = value if sums[n] is None else sums[n] + value
-                counts[n] += 1
-    return [None if total is None else total / count for total, count in zip(sums, counts)]
+    for first in range(0, len(motions), BATCH):
+        windows: dict[int, list[tuple[int, Tensor]]] = {}  # by their length
+        for n, motion in enumerate(motions[first : first + BATCH], first):
+            if motion is None:
+                continue
+            features = encode(motion)
+            for start in window_starts(len(features), length):
+                window = features[start : start + length]
+                windows.setdefault(len(window), []).append((n, window))
+        for alike in windows.values():
+            for batch in (alike[n : n + BATCH] for n in range(0, len(alike), BATCH)):
+                for (n, _), output in zip(batch, network(torch.stack([window for _, window in batch]))):
+                    sums[n] = sums[n] + output if n in sums else output
+                    counts[n] += 1
+    if not sums:
+        raise MotionKitError(f"all {len(motions)} motions given to a judge are None; there is nothing to see")
+    missing = torch.full_like(next(iter(sums.values())), torch.nan)
+    return torch.stack([sums[n] / counts[n] if n in sums else missing for n in range(len(motions))])
+
+
+# Content and style
 
 
 @dataclass(eq=False)
@@ -182,12 +185,12 @@ class Classifier:
         """
         motions = as_list(motions)
         self.network.eval()
-        both = mean_over_windows(motions, self.encode, self._see, self.window)
-        return both[:, : len(self.labels)], both[:, len(self.labels) :]
 
-    def _see(self, windows: Tensor) -> Tensor:
-        pooled = self.network.pooled(windows.permute(0, 3, 1, 2))
-        return torch.cat((self.network.classify(pooled).log_softmax(1), pooled), 1)
+        def network(windows: Tensor) -> Tensor:
+            pooled = self.network.pooled(windows.permute(0, 3, 1, 2))  # [B, F, J, C] to [B, C, F, J]
+            return torch.cat((self.network.classify(pooled).log_softmax(1), pooled), 1)
+
+        return mean_over_windows(motions, self.encode, network, self.window).tensor_split([len(self.labels)], 1)
 
     def scores(self, motions: Sequence[Motion | None]) -> Tensor:
         """Log-probabilities of the classes, mean over windows: [N, C]; see `scores_and_features`."""
@@ -230,6 +233,8 @@ class Classifier:
         return cls(network, card["label"], labels, skeleton, card["fps"], card["window"], card["moving"], card)
 
 
+# Features without labels (paper 2)
+
 NOISE = 0.03  # standard deviation; paper 2 writes N(0, 0.03)
 
 
@@ -262,27 +267,27 @@ class DenoisingAutoencoder(nn.Module):
             nn.Conv1d(width, 4 * joints, 5, 1, 2),
         )
 
-    def encode(self, turns: Tensor) -> Tensor:
+    def encode(self, rotations: Tensor) -> Tensor:
         """Quaternions [B, F, J, 4] to the encoder's last convolution, [B, D, F / 4]."""
-        return self.encoder(turns.flatten(2).mT)
+        return self.encoder(rotations.flatten(2).mT)  # from [B, 4 J, F]
 
-    def forward(self, turns: Tensor) -> Tensor:
+    def forward(self, rotations: Tensor) -> Tensor:
         """Quaternions [B, F, J, 4], noisy or not, to unit quaternions of the same shape."""
-        decoded = self.decoder(self.encode(turns))[..., : turns.shape[1]].mT  # [B, F, 4 J]
+        decoded = self.decoder(self.encode(rotations))[..., : rotations.shape[1]].mT  # [B, F, 4 J]
         return rot.normalize(decoded.unflatten(2, (-1, 4)))
 
 
-def denoising_loss(network: nn.Module, turns: Tensor, noise: float = NOISE) -> Tensor:
+def denoising_loss(network: nn.Module, rotations: Tensor, noise: float = NOISE) -> Tensor:
     """Mean angle in radians between clean rotations and what a network makes of noisy ones (paper 2, supplement A).
 
-    turns: unit quaternions [B, F, J, 4]. Noise is normal, of standard deviation `noise`, on every number; the angle is
-    the paper's L_quat (`rotations.quaternion_angle`).
+    rotations: unit quaternions [B, F, J, 4]. Noise is normal, of standard deviation `noise`, on every number; the angle
+    is the paper's L_quat (`rotations.quaternion_angle`).
 
     >>> denoising_loss(nn.Identity(), rot.identity_quaternion(1, 8, 2), noise=0.0)
     tensor(0.)
     """
-    restored = network(rot.normalize(turns + noise * torch.randn_like(turns)))
-    return rot.quaternion_angle(restored, turns).mean()
+    restored = network(rot.normalize(rotations + noise * torch.randn_like(rotations)))
+    return rot.quaternion_angle(restored, rotations).mean()
 
 
 @dataclass(eq=False)
@@ -311,12 +316,8 @@ class MotionAutoencoder:
 
     def save(self, path: str | os.PathLike) -> Path:
         """Weights and card, see `checkpoints.save`."""
-        card = {
-            "kind": "autoencoder",
-            **self.card,
-            "fps": self.fps,
-            "skeleton": checkpoints.skeleton_card(self.skeleton),
-        }
+        card = {"kind": "autoencoder", **self.card, "fps": self.fps}
+        card |= {"skeleton": checkpoints.skeleton_card(self.skeleton)}
         return checkpoints.save(path, self.network.state_dict(), card)
 
     @classmethod
@@ -329,7 +330,8 @@ class MotionAutoencoder:
         return cls(network, skeleton, card["fps"], card)
 
 
-BATCH = 64
+# Training
+
 PARTS = ("content", "style", "autoencoder")
 STEPS = {"content": 800, "style": 2000, "autoencoder": 2500, "frame": 600}
 _LENGTHS = (24, 32, 48, WINDOW, WINDOW, WINDOW)  # of the windows of a batch: captures have clips shorter than 64 frames
@@ -361,44 +363,40 @@ def train_classifier(
     if label not in ("content", "style"):
         raise MotionKitError(f"a classifier is trained for 'content' or 'style'; found {label!r}")
     split = data.split() if isinstance(data, Dataset) else data
-    schedule = schedule or TrainConfig(STEPS[label])
+    train, schedule = split.train, schedule or TrainConfig(STEPS[label])
     torch.manual_seed(schedule.seed)
-    judge = _fresh(label, split, config, window, moving)
-    frames = FeatureCache(split.train, judge)
-    classes = judge.ids([getattr(clip, label) for clip in split.train])
-    run = fit(judge.network, _loss(frames, classes, window), schedule, **running)
-    judge.card = {**training_card(split.train, schedule, run, judge.network), "metrics": {}}
-    for part in ("validation", "test"):
-        if len(getattr(split, part)):
-            judge.card["metrics"][f"{part}_accuracy"] = round(judge.accuracy(getattr(split, part)), 2)
-    return judge
-
-
-def _fresh(label: str, split: Split, config: StGcnConfig | None, window: int, moving: bool) -> Classifier:
-    """A classifier that has learned nothing yet, for the labels, skeleton and frame rate of a training part."""
-    train = split.train
-    labels = train.vocabulary[label]
     if len(train.contents if label == "content" else train.styles) < 2:
         raise MotionKitError(f"dataset {train.name!r} has one {label} only; there is nothing to tell apart")
-    motion = train[0].motion.without_helper_joints()
+    labels, motion = train.vocabulary[label], train[0].motion.without_helper_joints()
     network = StGcn(6 if moving else 3, len(labels), motion.skeleton, config)
-    return Classifier(network, label, labels, motion.skeleton, motion.fps, window, moving)
+    classifier = Classifier(network, label, labels, motion.skeleton, motion.fps, window, moving)
+    classes = classifier.ids([getattr(clip, label) for clip in train])
+    run = fit(network, _classifier_loss(FeatureCache(train, classifier), classes, window), schedule, **running)
+    classifier.card = {**training_card(train, schedule, run, network), "metrics": {}}
+    for part in ("validation", "test"):
+        if len(getattr(split, part)):
+            classifier.card["metrics"][f"{part}_accuracy"] = round(classifier.accuracy(getattr(split, part)), 2)
+    return classifier
 
 
-def _loss(frames: FeatureCache, classes: Tensor, window: int) -> Callable[[nn.Module, int], Tensor]:
+def _classifier_loss(features: FeatureCache, classes: Tensor, window: int) -> Callable[[nn.Module, int], Tensor]:
     """Cross-entropy on windows of a random length; of each class a random clip that has frames enough."""
+    longest = int(features.lengths.max())
     lengths = (1,) if window == 1 else tuple(n for n in _LENGTHS if n <= window)
-    usable = {n: frames.lengths >= min(n, int(frames.lengths.max())) for n in lengths}
-    members = {n: [torch.nonzero((classes == c) & ok)[:, 0] for c in classes.unique()] for n, ok in usable.items()}
+    members = {}  # by length, the clips of each class that have as many frames
+    for length in lengths:
+        enough = features.lengths >= min(length, longest)
+        groups = [torch.nonzero((classes == c) & enough)[:, 0] for c in classes.unique()]
+        members[length] = [group for group in groups if len(group)]
 
     def loss_fn(network: nn.Module, step: int) -> Tensor:
         length = lengths[int(torch.randint(len(lengths), ()))]
-        groups = [group for group in members[length] if len(group)]
-        chosen = torch.arange(BATCH) % len(groups)
-        clips = torch.stack([groups[g][int(torch.rand(()) * len(groups[g]))] for g in chosen.tolist()])
-        x = frames.draw(clips, min(length, int(frames.lengths.max())))
-        here = device_of(network)
-        return nn.functional.cross_entropy(network(x.permute(0, 3, 1, 2).to(here)), classes[clips].to(here))
+        groups = members[length]
+        drawn = [groups[n % len(groups)] for n in range(BATCH)]
+        clips = torch.stack([group[int(torch.rand(()) * len(group))] for group in drawn])
+        x = features.draw(clips, min(length, longest)).permute(0, 3, 1, 2)  # [B, F, J, C] to [B, C, F, J]
+        device = device_of(network)
+        return nn.functional.cross_entropy(network(x.to(device)), classes[clips].to(device))
 
     return loss_fn
 
@@ -414,24 +412,27 @@ def train_autoencoder(data: Dataset | Split, schedule: TrainConfig | None = None
     skeleton, fps = split.train[0].motion.without_helper_joints().skeleton, split.train[0].motion.fps
     torch.manual_seed(schedule.seed)
     network = DenoisingAutoencoder(len(skeleton))
-    encoder = MotionAutoencoder(network, skeleton, fps)
-    frames = FeatureCache(split.train, encoder)
-    enough = torch.nonzero(frames.lengths >= min(WINDOW, int(frames.lengths.max())))[:, 0]
+    autoencoder = MotionAutoencoder(network, skeleton, fps)
+    features = FeatureCache(split.train, autoencoder)
+    window = min(WINDOW, int(features.lengths.max()))
+    enough = torch.nonzero(features.lengths >= window)[:, 0]
 
     def loss_fn(model: nn.Module, step: int) -> Tensor:
         clips = enough[torch.randint(len(enough), (BATCH,))]
-        return denoising_loss(model, frames.draw(clips, min(WINDOW, int(frames.lengths.max()))).to(device_of(model)))
+        return denoising_loss(model, features.draw(clips, window).to(device_of(model)))
 
     run = fit(network, loss_fn, schedule, **running)
-    unseen = FeatureCache(split.test, encoder)
-    there = torch.nonzero(unseen.lengths >= WINDOW)[:, 0]
+    unseen = FeatureCache(split.test, autoencoder)
+    torch.manual_seed(schedule.seed)
+    rotations = unseen.draw(torch.nonzero(unseen.lengths >= WINDOW)[:, 0], WINDOW)
     with torch.no_grad():
-        torch.manual_seed(schedule.seed)
-        turns = unseen.draw(there, WINDOW)
-        found = {"test_degrees": denoising_loss(network, turns), "noise_degrees": denoising_loss(nn.Identity(), turns)}
-    metrics = {name: round(float(value.rad2deg()), 3) for name, value in found.items()}
-    encoder.card = {**training_card(split.train, schedule, run, network), "metrics": metrics}
-    return encoder
+        angles = {
+            "test_degrees": denoising_loss(network, rotations),
+            "noise_degrees": denoising_loss(nn.Identity(), rotations),
+        }
+    metrics = {name: round(float(angle.rad2deg()), 3) for name, angle in angles.items()}
+    autoencoder.card = {**training_card(split.train, schedule, run, network), "metrics": metrics}
+    return autoencoder
 
 
 def single_frame_accuracy(label: str, split: Split, schedule: TrainConfig | None = None, **running) -> float:
@@ -439,12 +440,11 @@ def single_frame_accuracy(label: str, split: Split, schedule: TrainConfig | None
 
     Every fifth frame of the test part counts; what it misses is in the timing.
     """
-    judge = train_classifier(
-        label, split, None, schedule or TrainConfig(STEPS["frame"]), window=1, moving=False, **running
-    )
+    schedule = schedule or TrainConfig(STEPS["frame"])
+    classifier = train_classifier(label, split, None, schedule, window=1, moving=False, **running)
     frames = [(clip.motion[n], getattr(clip, label)) for clip in split.test for n in range(0, len(clip), 5)]
-    scores = judge.scores([frame for frame, _ in frames])
-    return 100 * float((scores.argmax(1) == judge.ids([name for _, name in frames])).double().mean())
+    poses, labels = zip(*frames)
+    return recognition_accuracy(classifier.scores(poses), classifier.ids(labels))
 
 
 def train_part(part: str, data: Dataset, config: StGcnConfig, steps: int | None, seed: int, command: str) -> Path:
@@ -456,28 +456,18 @@ def train_part(part: str, data: Dataset, config: StGcnConfig, steps: int | None,
     path, split = default_path(data.name, part), data.split()
     schedule, keep = TrainConfig(steps or STEPS[part], seed=seed), path.with_suffix(".run")
     if part == "autoencoder":
-        made = train_autoencoder(split, schedule, keep=keep, title=path.stem)
+        judge = train_autoencoder(split, schedule, keep=keep, title=path.stem)
     else:
-        made = train_classifier(part, split, config, schedule, keep=keep, title=path.stem)
+        judge = train_classifier(part, split, config, schedule, keep=keep, title=path.stem)
         still = TrainConfig(min(schedule.steps, STEPS["frame"]), seed=seed)
-        share = single_frame_accuracy(part, split, still, title=f"{path.stem}, single frames")
-        made.card["metrics"]["single_frame_accuracy"] = round(share, 2)
-    made.card = {"name": path.stem, "command": command, **made.card}
-    main_process_first(lambda: made.save(path))
+        accuracy = single_frame_accuracy(part, split, still, title=f"{path.stem}, single frames")
+        judge.card["metrics"]["single_frame_accuracy"] = round(accuracy, 2)
+    judge.card = {"name": path.stem, "command": command, **judge.card}
+    main_process_first(lambda: judge.save(path))
     return path
 
 
-__all__ = [
-    "Classifier",
-    "DenoisingAutoencoder",
-    "Judge",
-    "MotionAutoencoder",
-    "denoising_loss",
-    "load",
-    "names",
-    "train_autoencoder",
-    "train_classifier",
-]
+# The shipped ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -502,12 +492,12 @@ def names() -> list[str]:
     >>> names()
     ['actor', 'actor-held-back', 'bandai-2']
     """
-    there = set(checkpoints.names())
-    found = {name.removesuffix("-style") for name in there if name.endswith("-style")}
-    return sorted(name for name in found if {_home(name, part) for part in PARTS} <= there)
+    weights = set(checkpoints.names())
+    datasets = {name.removesuffix("-style") for name in weights if name.endswith("-style")}
+    return sorted(name for name in datasets if {_checkpoint(name, part) for part in PARTS} <= weights)
 
 
-def _home(name: str, part: str) -> str:
+def _checkpoint(name: str, part: str) -> str:
     """The checkpoint of a part of a dataset's judge: `actor-held-back` has but styles of its own."""
     return f"{'actor' if name == 'actor-held-back' and part != 'style' else name}-{part}"
 
@@ -520,5 +510,6 @@ def load(name: str = "actor") -> Judge:
             f"no judge for {name!r}; there are {', '.join(names()) or 'none'}. Train one: python -m motionkit train "
             f"judge --data {name}"
         )
-    content, style = (Classifier.load(checkpoints.find(_home(name, label))) for label in ("content", "style"))
-    return Judge(name, content, style, MotionAutoencoder.load(checkpoints.find(_home(name, "autoencoder"))))
+    paths = {part: checkpoints.find(_checkpoint(name, part)) for part in PARTS}
+    classifiers = (Classifier.load(paths[label]) for label in ("content", "style"))
+    return Judge(name, *classifiers, MotionAutoencoder.load(paths["autoencoder"]))
