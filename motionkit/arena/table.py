@@ -29,17 +29,17 @@ _DIGITS = 5  # that records keep
 
 @dataclass(frozen=True)
 class Cell:
-    """A figure: value, and between which two it lies. deviation: low and high are a standard deviation away, over
-    repeats, instead of the ends of a 95 % interval. missing: of how many results there is no such figure; NaN and why,
-    where there is none at all.
+    """A figure: value, and between which two it lies. missing: of how many results there is no such figure; NaN and
+    why, where there is none at all. deviation: low and high are a standard deviation away, over repeats, instead of the
+    ends of a 95 % interval.
     """
 
     value: float
     low: float = math.nan
     high: float = math.nan
-    deviation: bool = False
     missing: int = 0
     why: str = ""
+    deviation: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ def _cell(
             mean, deviation, _ = metrics.spread(values)
         except MotionKitError as error:
             return Cell(math.nan, missing=missing, why=f"a single repeat has too few results ({error})")
-        return Cell(mean, mean - deviation, mean + deviation, True, missing)
+        return Cell(mean, mean - deviation, mean + deviation, missing, deviation=True)
     clips = [context.contents] if torch.equal(context.contents, context.styles) else [context.contents, context.styles]
     draws = 200 if distance else 1000  # a Fréchet distance takes a hundred times as long as a mean
     options = {"repeats": draws, "seed": context.seed, "centred": distance}
@@ -334,7 +334,7 @@ class Row:
             value = math.nan if value is None else value
             low, high = record.get(f"{column}_ci", (math.nan, math.nan)) if std is None else (value - std, value + std)
             missing, why = record.get(f"{column}_missing", 0), record.get(f"{column}_why", "")
-            cells[column] = Cell(value, low, high, std is not None, missing, why)
+            cells[column] = Cell(value, low, high, missing, why, deviation=std is not None)
         failures = record.get("failures") or [""]
         failed = {n: failures[min(n, len(failures) - 1)] for n in range(record.get("failed", 0))}
         return cls(record["method"], cells, record.get("transfers", 0), failed, record.get("dataset") or dataset)
