@@ -6,10 +6,12 @@ import hashlib
 import math
 import os
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import torch
+from torch import Tensor
 
 import motionkit
 
@@ -26,6 +28,8 @@ from .transfers import (
     REAL,
     Evaluator,
     GroundTruth,
+    Measures,
+    MethodEntry,
     evaluate,
     evaluate_clips,
     generate,
@@ -66,69 +70,114 @@ def run(
     if not isinstance(seed, int):
         raise MotionKitError(f"the arena's seed is a whole number; found {seed!r}")
     split = _split_of(dataset, root)
-    test, judge = split.test, _judge_of(judge, split.test)
-    transfers = protocol.transfers(test, seed)
     base = Path(folder).expanduser() if folder is not None else cache_folder() / "arena"
-    evaluator = Evaluator(judge, test, GroundTruth.for_dataset(test, base))
-    key = judge_key(evaluator)
-
-    # What the judge sees in the clips themselves, whatever the protocol, and in as many training clips
-    train, clips_folder = _sample(split.train, len(test), seed), _folder(base, split, "clips")
-    clips = evaluate_clips(evaluator, test, clips_folder / f"clips-test-{key}.safetensors", jobs)
-    train_clips = evaluate_clips(evaluator, train, clips_folder / f"clips-train-{seed}-{key}.safetensors", jobs)
-    ids = {label: getattr(judge, label).ids([getattr(clip, label) for clip in test]) for label in ("content", "style")}
-
-    # A row for each method: its results, made first where they are missing, and their figures
-    contents, styles, repeats = map(torch.tensor, zip(*transfers))
-    right_ids = {"content": ids["content"][contents], "style": ids["style"][styles]}
-    context = EvalContext(contents, styles, repeats, right_ids, clips, shrinkage, seed)
-    protocol_folder = _folder(base, split, f"{_plain(protocol.name)}-{seed}", f" {protocol!r} {seed}")
-    rows, results = [], {}
-    for entry in entries:
-        place = protocol_folder / f"{_plain(entry.name)}-{entry.key}"
-        place.mkdir(exist_ok=True)
-        if not resume:
-            for n in range(len(transfers)):
-                result_path(place, n).unlink(missing_ok=True)
-        failed = generate(entry, split.train, test, transfers, place, jobs)
-        measures = evaluate(evaluator, transfers, place, key, jobs, entry.name)
-        measures = replace(measures, problems=dict(sorted({**measures.problems, **failed}.items())))
-        failed = {
-            n: f"{test[transfers[n].content].name} as {test[transfers[n].style].name}: {problem}"
-            for n, problem in measures.problems.items()
-        }
-        cells = figures(measures, context, protocol.columns)
-        rows.append(Row(entry.name, cells, len(transfers), failed, test.name))
-        results[entry.name] = Results(entry.name, test, transfers, measures, right_ids, place)
-
-    # The row of the test clips: what the judge names of them, and how far as many training clips are from them
-    alone, sample = (EvalContext.of_clips(len(part), ids, clips, shrinkage) for part in (test, train))
-    cells = figures(clips, alone, ("cra", "sra", "fsf")) | figures(train_clips, sample, ("fmd", "fmd_ae"))
-    rows.append(Row(REAL, cells, len(test), dataset=test.name))
-    results[REAL] = Results(REAL, test, tuple(Transfer(n, n) for n in range(len(test))), clips, ids)
-
-    # The protocol's columns but those that no row can have, as the truth's where nobody knows it
+    work = _Work(split, _judge_of(judge, split.test), protocol, seed, base, jobs, shrinkage)
+    results = {entry.name: work.results(entry, resume=resume) for entry in entries}
+    rows = [work.row(one) for one in results.values()] + [work.real_row()]
+    results[REAL] = work.real_results()
+    # the protocol's columns but those that no row can have, as the truth's where nobody knows it
     columns = [c for c in protocol.columns if any(not math.isnan(row.cell(c).value) for row in rows)]
-    provenance = {
-        "dataset": test.name,
-        "train_clips": len(split.train),
-        "test_clips": len(test),
-        "protocol": protocol.name,
-        "repeats": protocol.repeats,
-        "seed": seed,
-        "transfers": len(transfers),
-        "judge": getattr(judge, "name", type(judge).__name__),
-        "shrinkage": shrinkage,
-        "motionkit": motionkit.__version__,
-    }
-    return ArenaTable(tuple(rows), tuple(columns) or protocol.columns, provenance, results)
+    return ArenaTable(tuple(rows), tuple(columns) or protocol.columns, work.provenance(), results)
 
 
-def _folder(base: Path, split: Split, name: str, about: str = "") -> Path:
-    """A folder of these clips, and of what else it is about."""
-    text = f"{FORMAT} {dataset_key(split.train, split.test)}{about}"
-    place = base / f"{_plain(split.test.name)}-{name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
-    return make_folder(place, "give another one: run(..., folder=...)")
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """What all rows of a table have in common, worked out when first needed."""
+
+    split: Split
+    judge: object
+    protocol: Protocol
+    seed: int
+    base: Path
+    jobs: int | None
+    shrinkage: float | None
+
+    @cached_property
+    def transfers(self) -> tuple[Transfer, ...]:
+        return self.protocol.transfers(self.split.test, self.seed)
+
+    @cached_property
+    def evaluator(self) -> Evaluator:
+        return Evaluator(self.judge, self.split.test, GroundTruth.for_dataset(self.split.test, self.base))
+
+    @cached_property
+    def key(self) -> str:
+        return judge_key(self.evaluator)
+
+    @cached_property
+    def ids(self) -> dict[str, Tensor]:
+        """The judge's classes of all test clips."""
+        labels = {label: [getattr(clip, label) for clip in self.split.test] for label in ("content", "style")}
+        return {label: getattr(self.judge, label).ids(names) for label, names in labels.items()}
+
+    @cached_property
+    def clips(self) -> Measures:
+        """What the judge says of the test clips, whatever the protocol."""
+        path = self.folder("clips") / f"clips-test-{self.key}.safetensors"
+        return evaluate_clips(self.evaluator, self.split.test, path, self.jobs)
+
+    @cached_property
+    def context(self) -> EvalContext:
+        contents, styles, repeats = map(torch.tensor, zip(*self.transfers))
+        ids = {"content": self.ids["content"][contents], "style": self.ids["style"][styles]}
+        return EvalContext(contents, styles, repeats, ids, self.clips, self.shrinkage, self.seed)
+
+    def folder(self, name: str, about: str = "") -> Path:
+        """A folder of these clips, and of what else it is about."""
+        text = f"{FORMAT} {dataset_key(self.split.train, self.split.test)}{about}"
+        digest = hashlib.sha256(text.encode()).hexdigest()[:12]
+        folder = self.base / f"{_plain(self.split.test.name)}-{name}-{digest}"
+        return make_folder(folder, "give another one: run(..., folder=...)")
+
+    def results(self, entry: MethodEntry, *, resume: bool) -> Results:
+        """A method's results, measured; made first where they are missing."""
+        name = f"{_plain(self.protocol.name)}-{self.seed}"
+        folder = self.folder(name, f" {self.protocol!r} {self.seed}") / f"{_plain(entry.name)}-{entry.key}"
+        folder.mkdir(exist_ok=True)
+        if not resume:
+            for n in range(len(self.transfers)):
+                result_path(folder, n).unlink(missing_ok=True)
+        failed = generate(entry, self.split.train, self.split.test, self.transfers, folder, self.jobs)
+        measures = evaluate(self.evaluator, self.transfers, folder, self.key, self.jobs, entry.name)
+        measures = replace(measures, problems=dict(sorted({**measures.problems, **failed}.items())))
+        return Results(entry.name, self.split.test, self.transfers, measures, self.context.ids, folder)
+
+    def row(self, results: Results) -> Row:
+        """The figures of a method's results."""
+        failed = {n: f"{o.content.name} as {o.style.name}: {o.problem}" for n, o in enumerate(results) if o.problem}
+        cells = figures(results.measures, self.context, self.protocol.columns)
+        return Row(results.method, cells, len(results), failed, self.split.test.name)
+
+    def real_results(self) -> Results:
+        """The test clips themselves."""
+        itself = tuple(Transfer(n, n) for n in range(len(self.split.test)))
+        return Results(REAL, self.split.test, itself, self.clips, self.ids)
+
+    def real_row(self) -> Row:
+        """What the judge names of the test clips, and how far as many training clips are from them."""
+        test, train = self.split.test, _sample(self.split.train, len(self.split.test), self.seed)
+        path = self.folder("clips") / f"clips-train-{self.seed}-{self.key}.safetensors"
+        train_measures = evaluate_clips(self.evaluator, train, path, self.jobs)
+        of_test, of_train = (EvalContext.of_clips(len(x), self.ids, self.clips, self.shrinkage) for x in (test, train))
+        cells = figures(self.clips, of_test, ("cra", "sra", "fsf")) | figures(
+            train_measures, of_train, ("fmd", "fmd_ae")
+        )
+        return Row(REAL, cells, len(test), dataset=test.name)
+
+    def provenance(self) -> dict:
+        """What a table says of itself."""
+        return {
+            "dataset": self.split.test.name,
+            "train_clips": len(self.split.train),
+            "test_clips": len(self.split.test),
+            "protocol": self.protocol.name,
+            "repeats": self.protocol.repeats,
+            "seed": self.seed,
+            "transfers": len(self.transfers),
+            "judge": getattr(self.judge, "name", type(self.judge).__name__),
+            "shrinkage": self.shrinkage,
+            "motionkit": motionkit.__version__,
+        }
 
 
 def _split_of(dataset: str | Dataset | Split, root: str | os.PathLike | None) -> Split:
