@@ -1,8 +1,7 @@
-"""Keys of kept results: they change when a method or the clips do, and are the same in every process."""
+"""The key of a method's kept results: it changes when the method does, and is the same in every process."""
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 import sys
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ from joblib.hashing import NumpyHasher
 
 from ..datasets import Dataset
 from ..errors import MotionKitError
+from ..training import data_hash
 
 _LIBRARIES = {*sys.stdlib_module_names, "joblib", "numpy", "scipy", "sklearn", "torch"}
 
@@ -45,24 +45,6 @@ def cache_key(method: object) -> str:
     )
 
 
-def dataset_key(*datasets: Dataset) -> str:
-    """Changes with the clips of data sets: their names, labels and numbers.
-
-    >>> import motionkit as mk
-    >>> item = mk.datasets.Item("a", mk.datasets.Labels("walk", "old", ()), mk.datasets.BvhSource.at(
-    ...     "data/actor/walk_old.bvh"))
-    >>> len(dataset_key(mk.datasets.from_items("mine", [item])))
-    16
-    """
-    digest = hashlib.sha256()
-    for dataset in datasets:
-        for n in dataset.numbers:
-            clip, labels = dataset.store.clips[n], dataset.labels[n]
-            digest.update(f"{clip.name}\t{clip.checksum}\t{labels.content}\t{labels.style}\n".encode())
-        digest.update(b"\n")
-    return digest.hexdigest()[:16]
-
-
 class _Hasher(NumpyHasher):
     """`joblib.hash` walks through all that an object holds; here functions and classes count by what they do."""
 
@@ -75,7 +57,7 @@ class _Hasher(NumpyHasher):
         if isinstance(thing, set | frozenset):
             return set, (sorted(map(cache_key, thing)),)
         if isinstance(thing, Dataset):
-            return str, (dataset_key(thing),)
+            return str, (data_hash(thing),)
         if isinstance(thing, ModuleType):
             return str, (thing.__name__,)
         if isinstance(thing, CodeType):

@@ -20,7 +20,7 @@ from ..datasets import Dataset, Split
 from ..datasets.cache import make_folder
 from ..errors import MotionKitError
 from ..files import cache_folder
-from .cache_key import dataset_key
+from ..training import data_hash
 from .protocols import Protocol, Transfer, get_protocol
 from .table import ArenaTable, EvalContext, Results, Row, figures
 from .transfers import (
@@ -124,7 +124,7 @@ class _Work:
 
     def folder(self, name: str, about: str = "") -> Path:
         """A folder of these clips, and of what else it is about."""
-        text = f"{FORMAT} {dataset_key(self.split.train, self.split.test)}{about}"
+        text = f"{FORMAT} {data_hash(self.split.train)} {data_hash(self.split.test)}{about}"
         digest = hashlib.sha256(text.encode()).hexdigest()[:12]
         folder = self.base / f"{_plain(self.split.test.name)}-{name}-{digest}"
         return make_folder(folder, "give another one: run(..., folder=...)")
