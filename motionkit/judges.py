@@ -1,4 +1,11 @@
-"""What judges look at: joints seen from the body, in windows of one length."""
+"""Networks that judge motions: classifiers of content and style, and the feature encoder that FMD measures in.
+
+What a judge sees of a motion, the classifier, the autoencoder, how both are trained, and the shipped ones.
+
+>>> import motionkit as mk
+>>> mk.judges.load("actor")
+Judge('actor', 12 contents, 8 styles)
+"""
 
 from __future__ import annotations
 
@@ -23,6 +30,9 @@ from .skeleton import Skeleton
 from .training import TrainConfig, TrainOrder, fit
 
 WINDOW, STRIDE = 64, 32  # frames
+BATCH = 64  # windows
+
+# What a judge sees
 
 
 def prepare(motion: Motion, skeleton: Skeleton, fps: float, who: str) -> Motion:
@@ -54,10 +64,10 @@ def as_list(motions: Sequence[Motion | None]) -> list[Motion | None]:
     """The motions as a list; MotionKitError for a single one, or none."""
     if isinstance(motions, Motion):
         raise MotionKitError("a judge takes several motions: give a list, [motion] for one")
-    found = list(motions)
-    if not found:
+    motions = list(motions)
+    if not motions:
         raise MotionKitError("a judge was given no motions")
-    return found
+    return motions
 
 
 def joint_features(motion: Motion) -> Tensor:
@@ -71,8 +81,9 @@ def joint_features(motion: Motion) -> Tensor:
     torch.Size([120, 22, 6])
     """
     body = canonicalize(motion)
-    moved = forward_difference(motion.positions()) * motion.fps
-    return torch.cat((body.local, rot.quaternion_rotate(rot.yaw_to_quaternion(-body.yaw)[:, None], moved)), -1).float()
+    velocities = forward_difference(motion.positions()) * motion.fps
+    velocities = rot.quaternion_rotate(rot.yaw_to_quaternion(-body.yaw)[:, None], velocities)
+    return torch.cat((body.local, velocities), -1).float()
 
 
 def joint_rotations(motion: Motion) -> Tensor:
@@ -82,16 +93,16 @@ def joint_rotations(motion: Motion) -> Tensor:
     >>> joint_rotations(mk.load("data/actor/walk_neutral.bvh")).shape
     torch.Size([120, 22, 4])
     """
-    body, turns = canonicalize(motion), motion.rotations.clone()
+    body, rotations = canonicalize(motion), motion.rotations.clone()
     for joint in motion.skeleton.ancestors(motion.skeleton.pelvis):
-        turns[:, joint] = rot.quaternion_multiply(rot.yaw_to_quaternion(-body.yaw), body.world[:, joint])
-    return rot.quaternion_canonical(turns).float()
+        rotations[:, joint] = rot.quaternion_multiply(rot.yaw_to_quaternion(-body.yaw), body.world[:, joint])
+    return rot.quaternion_canonical(rotations).float()
 
 
-def cut(frames: int, length: int = WINDOW, stride: int = STRIDE) -> list[int]:
+def window_starts(frames: int, length: int = WINDOW, stride: int = STRIDE) -> list[int]:
     """Where windows start so that they cover all frames; one window, as long as the clip, if that is shorter.
 
-    >>> cut(120), cut(40)
+    >>> window_starts(120), window_starts(40)
     ([0, 32, 56], [0])
     """
     return sorted({*range(0, max(frames - length, 0) + 1, stride), max(frames - length, 0)})
@@ -100,46 +111,38 @@ def cut(frames: int, length: int = WINDOW, stride: int = STRIDE) -> list[int]:
 @torch.no_grad()
 def mean_over_windows(
     motions: Sequence[Motion | None],
-    numbers: Callable[[Motion], Tensor],
+    encode: Callable[[Motion], Tensor],
     network: Callable[[Tensor], Tensor],
     length: int,
 ) -> Tensor:
     """What a network says of motions, the mean over each one's windows: [N, D].
 
-    numbers: a motion to [F, ...]; network: windows [B, F, ...] to [B, D]. None, a result that is
+    encode: a motion to [F, ...]; network: windows [B, F, ...] to [B, D]. None, a result that is
     missing, gets NaN.
     """
-    found: list[Tensor | None] = []
-    for start in range(0, len(motions), 64):
-        found += _chunk(motions[start : start + 64], numbers, network, length)
-    there = next((x for x in found if x is not None), None)
-    if there is None:
-        raise MotionKitError(f"all {len(motions)} motions given to a judge are None; there is nothing to see")
-    return torch.stack([torch.full_like(there, torch.nan) if x is None else x for x in found])
-
-
-def _chunk(
-    motions: Sequence[Motion | None],
-    numbers: Callable[[Motion], Tensor],
-    network: Callable[[Tensor], Tensor],
-    length: int,
-) -> list[Tensor | None]:
-    windows: dict[int, list[tuple[int, Tensor]]] = {}  # by their length
-    for n, motion in enumerate(motions):
-        if motion is None:
-            continue
-        x = numbers(motion)
-        for start in cut(len(x), length):
-            piece = x[start : start + length]
-            windows.setdefault(len(piece), []).append((n, piece))
-    sums: list[Tensor | None] = [None] * len(motions)
+    sums: dict[int, Tensor] = {}
     counts = [0] * len(motions)
-    for pieces in windows.values():
-        for some in (pieces[n : n + 64] for n in range(0, len(pieces), 64)):
-            for (n, _), value in zip(some, network(torch.stack([piece for _, piece in some]))):
-                sums[n] = value if sums[n] is None else sums[n] + value
-                counts[n] += 1
-    return [None if total is None else total / count for total, count in zip(sums, counts)]
+    for first in range(0, len(motions), BATCH):
+        windows: dict[int, list[tuple[int, Tensor]]] = {}  # by their length
+        for n, motion in enumerate(motions[first : first + BATCH], first):
+            if motion is None:
+                continue
+            features = encode(motion)
+            for start in window_starts(len(features), length):
+                window = features[start : start + length]
+                windows.setdefault(len(window), []).append((n, window))
+        for alike in windows.values():
+            for batch in (alike[n : n + BATCH] for n in range(0, len(alike), BATCH)):
+                for (n, _), output in zip(batch, network(torch.stack([window for _, window in batch]))):
+                    sums[n] = sums[n] + output if n in sums else output
+                    counts[n] += 1
+    if not sums:
+        raise MotionKitError(f"all {len(motions)} motions given to a judge are None; there is nothing to see")
+    missing = torch.full_like(next(iter(sums.values())), torch.nan)
+    return torch.stack([sums[n] / counts[n] if n in sums else missing for n in range(len(motions))])
+
+
+# Content and style
 
 
 @dataclass(eq=False)
@@ -183,12 +186,12 @@ class Classifier(Checkpoint):
         """
         motions = as_list(motions)
         self.network.eval()
-        both = mean_over_windows(motions, self.encode, self._see, self.window)
-        return both[:, : len(self.labels)], both[:, len(self.labels) :]
 
-    def _see(self, windows: Tensor) -> Tensor:
-        pooled = self.network.pooled(windows.permute(0, 3, 1, 2))
-        return torch.cat((self.network.classify(pooled).log_softmax(1), pooled), 1)
+        def network(windows: Tensor) -> Tensor:
+            pooled = self.network.pooled(windows.permute(0, 3, 1, 2))  # [B, F, J, C] to [B, C, F, J]
+            return torch.cat((self.network.classify(pooled).log_softmax(1), pooled), 1)
+
+        return mean_over_windows(motions, self.encode, network, self.window).tensor_split([len(self.labels)], 1)
 
     def scores(self, motions: Sequence[Motion | None]) -> Tensor:
         """Log-probabilities of the classes, mean over windows: [N, C]; see `scores_and_features`."""
@@ -265,27 +268,27 @@ class DenoisingAutoencoder(nn.Module):
             nn.Conv1d(width, 4 * joints, 5, 1, 2),
         )
 
-    def encode(self, turns: Tensor) -> Tensor:
+    def encode(self, rotations: Tensor) -> Tensor:
         """Quaternions [B, F, J, 4] to the encoder's last convolution, [B, D, F / 4]."""
-        return self.encoder(turns.flatten(2).mT)
+        return self.encoder(rotations.flatten(2).mT)  # from [B, 4 J, F]
 
-    def forward(self, turns: Tensor) -> Tensor:
+    def forward(self, rotations: Tensor) -> Tensor:
         """Quaternions [B, F, J, 4], noisy or not, to unit quaternions of the same shape."""
-        decoded = self.decoder(self.encode(turns))[..., : turns.shape[1]].mT  # [B, F, 4 J]
+        decoded = self.decoder(self.encode(rotations))[..., : rotations.shape[1]].mT  # [B, F, 4 J]
         return rot.normalize(decoded.unflatten(2, (-1, 4)))
 
 
-def denoising_loss(network: nn.Module, turns: Tensor, noise: float = NOISE) -> Tensor:
+def denoising_loss(network: nn.Module, rotations: Tensor, noise: float = NOISE) -> Tensor:
     """Mean angle in radians between clean rotations and what a network makes of noisy ones (paper 2, supplement A).
 
-    turns: unit quaternions [B, F, J, 4]. Noise is normal, of standard deviation `noise`, on every number; the angle is
-    the paper's L_quat (`rotations.quaternion_angle`).
+    rotations: unit quaternions [B, F, J, 4]. Noise is normal, of standard deviation `noise`, on every number; the angle
+    is the paper's L_quat (`rotations.quaternion_angle`).
 
     >>> denoising_loss(nn.Identity(), rot.identity_quaternion(1, 8, 2), noise=0.0)
     tensor(0.)
     """
-    restored = network(rot.normalize(turns + noise * torch.randn_like(turns)))
-    return rot.quaternion_angle(restored, turns).mean()
+    restored = network(rot.normalize(rotations + noise * torch.randn_like(rotations)))
+    return rot.quaternion_angle(restored, rotations).mean()
 
 
 @dataclass(eq=False)
@@ -329,7 +332,6 @@ class MotionAutoencoder(Checkpoint):
         return cls(saved.fill("network", DenoisingAutoencoder(len(skeleton))), skeleton, saved.card["fps"], saved.card)
 
 
-BATCH = 64
 PARTS = ("content", "style", "autoencoder")
 STEPS = {"content": 800, "style": 2000, "autoencoder": 2500, "frame": 600}
 _LENGTHS = (24, 32, 48, WINDOW, WINDOW, WINDOW)  # of the windows of a batch: captures have clips shorter than 64 frames
@@ -361,44 +363,39 @@ def train_classifier(
     if label not in ("content", "style"):
         raise MotionKitError(f"a classifier is trained for 'content' or 'style'; found {label!r}")
     split = data.split() if isinstance(data, Dataset) else data
-    training = training or TrainConfig(STEPS[label])
+    train, training = split.train, training or TrainConfig(STEPS[label])
     torch.manual_seed(training.seed)
-    judge = _fresh(label, split, config, window, moving)
-    frames = FeatureCache(split.train, judge)
-    classes = judge.ids([getattr(clip, label) for clip in split.train])
-    run = fit(judge.network, _draw(frames, classes, window), _loss, training, **running)
-    judge.card = {**training_card(split.train, training, run, judge.network), "metrics": {}}
-    for part in ("validation", "test"):
-        if len(getattr(split, part)):
-            judge.card["metrics"][f"{part}_accuracy"] = round(judge.accuracy(getattr(split, part)), 2)
-    return judge
-
-
-def _fresh(label: str, split: Split, config: StGcnConfig | None, window: int, moving: bool) -> Classifier:
-    """A classifier that has learned nothing yet, for the labels, skeleton and frame rate of a training part."""
-    train = split.train
-    labels = train.vocabulary[label]
     if len(train.contents if label == "content" else train.styles) < 2:
         raise MotionKitError(f"dataset {train.name!r} has one {label} only; there is nothing to tell apart")
-    motion = train[0].motion.without_helper_joints()
+    labels, motion = train.vocabulary[label], train[0].motion.without_helper_joints()
     network = StGcn(6 if moving else 3, len(labels), motion.skeleton, config)
-    return Classifier(network, label, labels, motion.skeleton, motion.fps, window, moving)
+    classifier = Classifier(network, label, labels, motion.skeleton, motion.fps, window, moving)
+    classes = classifier.ids([getattr(clip, label) for clip in train])
+    run = fit(network, _draw(FeatureCache(train, classifier), classes, window), _loss, training, **running)
+    classifier.card = {**training_card(train, training, run, network), "metrics": {}}
+    for part in ("validation", "test"):
+        if len(getattr(split, part)):
+            classifier.card["metrics"][f"{part}_accuracy"] = round(classifier.accuracy(getattr(split, part)), 2)
+    return classifier
 
 
-def _draw(frames: FeatureCache, classes: Tensor, window: int) -> Callable[[int], dict]:
+def _draw(features: FeatureCache, classes: Tensor, window: int) -> Callable[[int], dict]:
     """Windows of a random length; of each class as many, of a random clip that has frames enough."""
-    longest = int(frames.lengths.max())
+    longest = int(features.lengths.max())
     lengths = (1,) if window == 1 else tuple(n for n in _LENGTHS if n <= window)
-    usable = {n: frames.lengths >= min(n, longest) for n in lengths}
-    members = {n: [torch.nonzero((classes == c) & ok)[:, 0] for c in classes.unique()] for n, ok in usable.items()}
+    members = {}  # by length, the clips of each class that have as many frames
+    for length in lengths:
+        enough = features.lengths >= min(length, longest)
+        groups = [torch.nonzero((classes == c) & enough)[:, 0] for c in classes.unique()]
+        members[length] = [group for group in groups if len(group)]
 
     def draw(step: int) -> dict:
         length = lengths[int(torch.randint(len(lengths), ()))]
-        groups = [group for group in members[length] if len(group)]
-        chosen = torch.arange(BATCH) % len(groups)
-        clips = torch.stack([groups[g][int(torch.rand(()) * len(groups[g]))] for g in chosen.tolist()])
-        x = frames.sample(clips, min(length, longest)).permute(0, 3, 1, 2)
-        return {"x": x, "classes": classes[clips], "names": [frames.dataset[n].name for n in clips.tolist()]}
+        groups = members[length]
+        drawn = [groups[n % len(groups)] for n in range(BATCH)]
+        clips = torch.stack([group[int(torch.rand(()) * len(group))] for group in drawn])
+        x = features.sample(clips, min(length, longest)).permute(0, 3, 1, 2)  # [B, F, J, C] to [B, C, F, J]
+        return {"x": x, "classes": classes[clips], "names": [features.dataset[n].name for n in clips.tolist()]}
 
     return draw
 
@@ -418,28 +415,30 @@ def train_autoencoder(data: Dataset | Split, training: TrainConfig | None = None
     skeleton, fps = split.train[0].motion.without_helper_joints().skeleton, split.train[0].motion.fps
     torch.manual_seed(training.seed)
     network = DenoisingAutoencoder(len(skeleton))
-    encoder = MotionAutoencoder(network, skeleton, fps)
-    frames = FeatureCache(split.train, encoder)
-    length = min(WINDOW, int(frames.lengths.max()))
-    enough = torch.nonzero(frames.lengths >= length)[:, 0]
+    autoencoder = MotionAutoencoder(network, skeleton, fps)
+    features = FeatureCache(split.train, autoencoder)
+    window = min(WINDOW, int(features.lengths.max()))
+    enough = torch.nonzero(features.lengths >= window)[:, 0]
 
     def draw(step: int) -> dict:
         clips = enough[torch.randint(len(enough), (BATCH,))]
-        return {"x": frames.sample(clips, length), "names": [split.train[n].name for n in clips.tolist()]}
+        return {"x": features.sample(clips, window), "names": [split.train[n].name for n in clips.tolist()]}
 
     def loss_fn(model: nn.Module, batch: dict) -> Tensor:
         return denoising_loss(model, batch["x"])
 
     run = fit(network, draw, loss_fn, training, **running)
-    unseen = FeatureCache(split.test, encoder)
-    there = torch.nonzero(unseen.lengths >= WINDOW)[:, 0]
+    unseen = FeatureCache(split.test, autoencoder)
+    torch.manual_seed(training.seed)
+    rotations = unseen.sample(torch.nonzero(unseen.lengths >= WINDOW)[:, 0], WINDOW)
     with torch.no_grad():
-        torch.manual_seed(training.seed)
-        turns = unseen.sample(there, WINDOW)
-        found = {"test_degrees": denoising_loss(network, turns), "noise_degrees": denoising_loss(nn.Identity(), turns)}
-    metrics = {name: round(float(value.rad2deg()), 3) for name, value in found.items()}
-    encoder.card = {**training_card(split.train, training, run, network), "metrics": metrics}
-    return encoder
+        angles = {
+            "test_degrees": denoising_loss(network, rotations),
+            "noise_degrees": denoising_loss(nn.Identity(), rotations),
+        }
+    metrics = {name: round(float(angle.rad2deg()), 3) for name, angle in angles.items()}
+    autoencoder.card = {**training_card(split.train, training, run, network), "metrics": metrics}
+    return autoencoder
 
 
 def single_frame_accuracy(label: str, split: Split, training: TrainConfig | None = None, **running) -> float:
@@ -447,51 +446,40 @@ def single_frame_accuracy(label: str, split: Split, training: TrainConfig | None
 
     Every fifth frame of the test part counts; what it misses is in the timing.
     """
-    judge = train_classifier(
-        label, split, None, training or TrainConfig(STEPS["frame"]), window=1, moving=False, **running
-    )
+    training = training or TrainConfig(STEPS["frame"])
+    classifier = train_classifier(label, split, None, training, window=1, moving=False, **running)
     frames = [(clip.motion[n], getattr(clip, label)) for clip in split.test for n in range(0, len(clip), 5)]
-    scores = judge.scores([frame for frame, _ in frames])
-    return 100 * float((scores.argmax(1) == judge.ids([name for _, name in frames])).double().mean())
-
-
-def make_classifier(order: TrainOrder, label: str) -> Classifier:
-    """For the command line: a dataset's classifier; its card also says what single frames give away."""
-    split, config = order.data.split(), getattr(StGcnConfig, order.size)()
-    training = order.config(STEPS[label], TrainConfig.lr)
-    judge = train_classifier(label, split, config, training, **order.running)
-    still = TrainConfig(min(training.steps, STEPS["frame"]), seed=order.seed)
-    share = single_frame_accuracy(label, split, still, title=f"{order.title}, single frames")
-    judge.card["metrics"]["single_frame_accuracy"] = round(share, 2)
-    return judge
+    poses, labels = zip(*frames)
+    return recognition_accuracy(classifier.scores(poses), classifier.ids(labels))
 
 
 def make_content(order: TrainOrder) -> Classifier:
-    """For the command line."""
-    return make_classifier(order, "content")
+    """For the command line: a dataset's content classifier."""
+    return _make_classifier("content", order)
 
 
 def make_style(order: TrainOrder) -> Classifier:
-    """For the command line."""
-    return make_classifier(order, "style")
+    """For the command line: a dataset's style classifier."""
+    return _make_classifier("style", order)
+
+
+def _make_classifier(label: str, order: TrainOrder) -> Classifier:
+    """Its card also says what single frames give away."""
+    split, config = order.data.split(), getattr(StGcnConfig, order.size)()
+    training = order.config(STEPS[label], TrainConfig.lr)
+    classifier = train_classifier(label, split, config, training, **order.running)
+    still = TrainConfig(min(training.steps, STEPS["frame"]), seed=order.seed)
+    accuracy = single_frame_accuracy(label, split, still, title=f"{order.title}, single frames")
+    classifier.card["metrics"]["single_frame_accuracy"] = round(accuracy, 2)
+    return classifier
 
 
 def make_autoencoder(order: TrainOrder) -> MotionAutoencoder:
-    """For the command line."""
+    """For the command line: the autoencoder of a dataset's motions."""
     return train_autoencoder(order.data, order.config(STEPS["autoencoder"], TrainConfig.lr), **order.running)
 
 
-__all__ = [
-    "Classifier",
-    "DenoisingAutoencoder",
-    "Judge",
-    "MotionAutoencoder",
-    "denoising_loss",
-    "load",
-    "names",
-    "train_autoencoder",
-    "train_classifier",
-]
+# The shipped ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -516,12 +504,12 @@ def names() -> list[str]:
     >>> names()
     ['actor', 'actor-held-back', 'bandai-2']
     """
-    there = set(checkpoints.names())
-    found = {name.removesuffix("-style") for name in there if name.endswith("-style")}
-    return sorted(name for name in found if {_home(name, part) for part in PARTS} <= there)
+    weights = set(checkpoints.names())
+    datasets = {name.removesuffix("-style") for name in weights if name.endswith("-style")}
+    return sorted(name for name in datasets if {_checkpoint(name, part) for part in PARTS} <= weights)
 
 
-def _home(name: str, part: str) -> str:
+def _checkpoint(name: str, part: str) -> str:
     """The checkpoint of a part of a dataset's judge: `actor-held-back` has but styles of its own."""
     return f"{'actor' if name == 'actor-held-back' and part != 'style' else name}-{part}"
 
@@ -534,5 +522,6 @@ def load(name: str = "actor") -> Judge:
             f"no judge for {name!r}; there are {', '.join(names()) or 'none'}. Train one: python -m motionkit train "
             f"judge --data {name}"
         )
-    content, style = (Classifier.load(checkpoints.find(_home(name, label))) for label in ("content", "style"))
-    return Judge(name, content, style, MotionAutoencoder.load(checkpoints.find(_home(name, "autoencoder"))))
+    paths = {part: checkpoints.find(_checkpoint(name, part)) for part in PARTS}
+    classifiers = (Classifier.load(paths[label]) for label in ("content", "style"))
+    return Judge(name, *classifiers, MotionAutoencoder.load(paths["autoencoder"]))

@@ -4,16 +4,20 @@ import math
 import os
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import arena_lab as lab
+import joblib
 import pytest
 import torch
+from joblib.parallel import ThreadingBackend
 
 import motionkit as mk
 from motionkit.arena import Protocol, transfers
-from motionkit.arena.transfers import cache_key, one_thread
+from motionkit.arena.cache_key import cache_key
+from motionkit.arena.transfers import one_thread
 from motionkit.datasets import Split
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -53,6 +57,10 @@ def test_copies_bound_the_table_from_both_ends(table):
     assert value(table, "content", "jitter") == 1 and value(table, "style", "tsi") > 0.1
     assert (value(table, "real", "cra"), value(table, "real", "sra")) == (100, 100)
     assert value(table, "noisy", "jitter") > 10 and value(table, "noisy", "fsf") > 5
+
+
+def test_every_row_names_its_dataset(table):
+    assert {row.dataset for row in table.rows} == {record["dataset"] for record in table.records()} == {"actor"}
 
 
 def test_intervals_hold_their_values(table):
@@ -134,6 +142,31 @@ def test_functions_of_a_notebook_go_to_other_processes(clips, tmp_path):
 
     found = arena(clips, tmp_path, [lowered], jobs=2)
     assert found.results("lowered")[0].motion.positions()[..., 1].mean() < 0.6 and not found["lowered"].failed
+
+
+class HandsOverTogether(ThreadingBackend):
+    """A backend of joblib's that cannot give results one by one."""
+
+    supports_retrieve_callback = False
+    supports_return_generator = False
+
+
+def add(shared, task):
+    return shared + sum(task)
+
+
+def test_tasks_fan_out_by_joblib_and_come_back_in_order():
+    tasks = [[n] * 20 for n in range(5)]
+    joblib.register_parallel_backend("together", HandsOverTogether)
+    for backend in ("loky", "threading", "together"):
+        with joblib.parallel_config(backend):
+            assert list(transfers.parallel(add, 1000, tasks, 2, "adding", "number")) == [
+                1000 + 20 * n for n in range(5)
+            ]
+    with pytest.raises(mk.MotionKitError, match="cannot be sent to other processes .* with jobs=1"):
+        list(transfers.parallel(add, threading.Lock(), tasks, 2, "adding", "number"))
+    with pytest.raises(mk.MotionKitError, match="a worker process died"):
+        list(transfers.parallel(lambda shared, task: os.kill(os.getpid(), 9), 0, tasks, 2, "dying", "worker"))
 
 
 def test_an_interrupted_run_goes_on(clips, tmp_path):
@@ -310,11 +343,42 @@ def test_keys_change_with_what_a_method_is():
     assert cache_key(net) != cache_key(twin)
     assert cache_key(mk.methods.load("statistics")) == cache_key(mk.methods.load("statistics"))
     assert cache_key({1: [2, {3, "a"}]}) != cache_key({1: [2, {3, "b"}]})
+    with pytest.raises(mk.MotionKitError, match="dict: cannot tell .*cannot pickle .*; give its class a __get"):
+        cache_key({"lock": threading.Lock()})
+
+
+def test_the_kits_own_methods_count_by_name_version_and_state(monkeypatch):
+    before = cache_key(mk.methods.load("statistics"))
+    monkeypatch.setattr(mk.methods.baselines.Statistics, "stylize", lambda *_: None)
+    assert cache_key(mk.methods.load("statistics")) == before != cache_key(mk.methods.load("linear"))
+    monkeypatch.setattr(mk.methods.baselines.Statistics, "version", 99, raising=False)
+    assert cache_key(mk.methods.load("statistics")) != before
+
+
+def test_a_users_method_counts_by_its_code_and_state():
+    def make(sign, share=0.5):
+        class Mine:
+            limit = sign
+
+            def __init__(self):
+                self.share, self.myself = share, self
+
+            @property
+            def both(self):
+                return self.limit + 1 if sign > 0 else self.limit - 1
+
+            def stylize(self, content, style):
+                return super().__repr__() and content if self.both else style
+
+        return Mine()
+
+    assert cache_key(make(1)) == cache_key(make(1)) != cache_key(make(-1))
+    assert cache_key(make(1)) != cache_key(make(1, 0.6)) and cache_key(make(1).stylize) == cache_key(make(1).stylize)
 
 
 def test_keys_are_the_same_in_every_process():
     things = "(f(lab.moody), f(lab.Counting('x')), f(mk.methods.load('statistics')), f({'a', 'b', 'c'}))"
-    code = "import arena_lab as lab, motionkit as mk\nfrom motionkit.arena.transfers import *\nf = fingerprint\n"
+    code = "import arena_lab as lab, motionkit as mk\nfrom motionkit.arena.cache_key import cache_key as f\n"
     paths = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
     environment = {**os.environ, "PYTHONPATH": paths, "PYTHONHASHSEED": "7"}
     command = [sys.executable, "-c", f"{code}print({things})"]

@@ -11,7 +11,7 @@ from motionkit.datasets import Labels, Split, performed
 from motionkit.datasets.loading import from_items
 from motionkit.datasets.performed import ActorSource
 from motionkit.datasets.sources import Item, Recording
-from motionkit.judges import cut, joint_features, joint_rotations
+from motionkit.judges import joint_features, joint_rotations, window_starts
 from motionkit.layers import StGcnConfig
 from motionkit.rotations import normalize, quaternion_angle
 from motionkit.training import TrainConfig
@@ -48,7 +48,8 @@ def test_it_learns_and_says_what_it_has_learned(small, judge):
 
 
 def test_a_motion_gets_the_mean_over_its_windows(small, judge):
-    assert cut(64) == [0] and cut(65) == [0, 1] and cut(128) == [0, 32, 64] and cut(10) == [0]
+    assert window_starts(64) == [0] and window_starts(65) == [0, 1] and window_starts(10) == [0]
+    assert window_starts(128) == [0, 32, 64]
     motion = small.test[0].motion
     assert len(motion) == 150
     pieces = [judge.encode(motion)[n : n + 64] for n in (0, 32, 64, 86)]

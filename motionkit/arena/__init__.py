@@ -6,15 +6,16 @@ of two motions. A method with `fit` learns from the data set's training clips fi
 
 Every result goes to disk as soon as it is there, below `folder` or in the cache (MOTIONKIT_CACHE). A run that was
 stopped or killed goes on where it was, and results are not made again until the clips, the protocol, the seed or the
-method change. Of a function that is its code, constants, defaults and closure, and what it names of its own module or
-notebook; what it calls elsewhere is not looked at, so after a change there say `resume=False`, which makes all again.
-Results of earlier versions stay in the folder until you delete it.
+method change. Of the kit's own methods that is name, version and state; of a function of yours its code, constants,
+defaults and closure, and what it names of its own module or notebook. What it calls elsewhere is not looked at, so
+after a change there say `resume=False`, which makes all again. Results of earlier versions stay in the folder until you
+delete it.
 
 Chance is seeded for each transfer: one seed gives one table, all but the seconds, with however many jobs. Under
 `joblib.parallel_config("dask")` a cluster works, whose machines must see the folder and the cache.
 
 A transfer that fails (an error, no Motion, another skeleton, no frames, numbers that are not finite) is counted and
-told below the table, and tried again by the next run. Accuracies count it as wrong; other figures are marked with a
+named below the table, and tried again by the next run. Accuracies count it as wrong; other figures are marked with a
 star and say without how many they are. The row `real` is the test clips themselves, and for FMD as many training clips.
 
 >>> import motionkit as mk

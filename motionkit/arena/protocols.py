@@ -6,7 +6,7 @@ The papers say what kind of pairs they took and seldom which ones; `PROTOCOLS[na
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -82,23 +82,43 @@ class Protocol:
         >>> PROTOCOLS["paper-1"].transfers(mk.datasets.from_items("mine", items))
         (Transfer(content=1, style=0, repeat=0), Transfer(content=0, style=1, repeat=0))
         """
-        clips, found = list(test), []
+        clips, transfers = list(test), []
         for repeat in range(self.repeats):
-            drawn = _samples(clips, self.samples, repeat, seed)
-            if self.most and len(drawn) > _CLIPS:
-                drawn = sorted(_mixed({n: f"{seed} {repeat} {clips[n].name}" for n in drawn})[:_CLIPS])
-            lent = _examples(clips, drawn, self.examples, repeat, seed)
-            pairs = [(c, s) for s in lent for c in drawn if c != s and self._takes(clips[c], clips[s])]
+            draw = f"{seed} {repeat}"
+            contents = self._contents(clips, repeat, seed)
+            if self.most and len(contents) > _CLIPS:
+                contents = sorted(_shuffled({n: f"{draw} {clips[n].name}" for n in contents})[:_CLIPS])
+            styles = _groups(contents, lambda n: clips[n].style)
+            lends = {n: f"{draw} lends {clips[n].name}" for n in contents}
+            examples = (_shuffled({n: lends[n] for n in group})[: self.examples or None] for group in styles)
+            pairs = [
+                (content, style)
+                for style in sorted(n for group in examples for n in group)
+                for content in contents
+                if content != style and self._takes(clips[content], clips[style])
+            ]
             if self.most:
-                names = {pair: f"{seed} {repeat} {clips[pair[0]].name} {clips[pair[1]].name}" for pair in pairs}
-                pairs = sorted(_mixed(names)[: self.most], key=lambda pair: pair[::-1])
-            found += [Transfer(*pair, repeat) for pair in pairs]
-        if not found:
+                names = {pair: f"{draw} {clips[pair[0]].name} {clips[pair[1]].name}" for pair in pairs}
+                pairs = sorted(_shuffled(names)[: self.most], key=lambda pair: pair[::-1])
+            transfers += [Transfer(*pair, repeat) for pair in pairs]
+        if not transfers:
             raise MotionKitError(
                 f"protocol {self.name!r} finds no pair ({self.pairs}) among {len(clips)} test clips with contents "
                 f"{', '.join(test.contents)} and styles {', '.join(test.styles)}; take a data set or a split with more"
             )
-        return tuple(found)
+        return tuple(transfers)
+
+    def _contents(self, clips: list[Clip], repeat: int, seed: int) -> list[int]:
+        """Numbers of the clips drawn of each content and style, in order. Repeat after repeat has others, until none
+        is left and they are shuffled anew.
+        """
+        drawn = []
+        for group in _groups(range(len(clips)), lambda n: (clips[n].content, clips[n].style)):
+            count = min(self.samples or len(group), len(group))
+            rounds = len(group) // count
+            start = repeat % rounds * count
+            drawn += _shuffled({n: f"{seed} {repeat // rounds} {clips[n].name}" for n in group})[start : start + count]
+        return sorted(drawn)
 
     def _takes(self, content: Clip, style: Clip) -> bool:
         if self.pairs == "neutral to styled":
@@ -108,38 +128,17 @@ class Protocol:
         return content.style != style.style
 
 
-def _mixed(names: dict) -> list:
+def _groups(numbers: Iterable[int], kind: Callable[[int], Hashable]) -> list[list[int]]:
+    """Numbers of clips, those of one kind together."""
+    groups: dict[Hashable, list[int]] = {}
+    for n in numbers:
+        groups.setdefault(kind(n), []).append(n)
+    return list(groups.values())
+
+
+def _shuffled(names: dict) -> list:
     """The keys in an order that depends on nothing but what they are called."""
     return sorted(names, key=lambda key: hashlib.sha256(names[key].encode()).digest())
-
-
-def _examples(clips: list[Clip], drawn: list[int], count: int, repeat: int, seed: int) -> list[int]:
-    """Of the clips drawn, `count` of each style, in order; all for a count of 0."""
-    styles: dict[str, list[int]] = {}
-    for n in drawn:
-        styles.setdefault(clips[n].style, []).append(n)
-    names = {n: f"{seed} {repeat} lends {clips[n].name}" for n in drawn}
-    chosen = [n for own in styles.values() for n in _mixed({m: names[m] for m in own})[: count or None]]
-    return sorted(chosen)
-
-
-def _samples(clips: list[Clip], count: int, repeat: int, seed: int) -> list[int]:
-    """Numbers of the clips drawn of each content and style, in order; all for a count of 0."""
-    if not count:
-        return list(range(len(clips)))
-    kinds: dict[tuple[str, str], list[int]] = {}
-    for n, clip in enumerate(clips):
-        kinds.setdefault((clip.content, clip.style), []).append(n)
-    return sorted(n for kind in kinds.values() for n in _dealt(clips, kind, count, repeat, seed))
-
-
-def _dealt(clips: list[Clip], kind: list[int], count: int, repeat: int, seed: int) -> Iterable[int]:
-    """Of one kind `count` clips: repeat after repeat others, until none is left and they are shuffled anew."""
-    count = min(count, len(kind))
-    rounds = len(kind) // count
-    order = _mixed({n: f"{seed} {repeat // rounds} {clips[n].name}" for n in kind})
-    start = repeat % rounds * count
-    return order[start : start + count]
 
 
 PROTOCOLS = {
@@ -177,7 +176,7 @@ PROTOCOLS = {
 }
 
 
-def get_protocol(given: str | Protocol) -> Protocol:
+def get_protocol(protocol: str | Protocol) -> Protocol:
     """A protocol as it is, or by its name; MotionKitError lists the names.
 
     >>> get_protocol("paper-5")
@@ -185,10 +184,11 @@ def get_protocol(given: str | Protocol) -> Protocol:
     ...
     motionkit.errors.MotionKitError: no protocol 'paper-5'; there are 'paper-1', 'paper-3', 'paper-4', 'small'; ...
     """
-    if isinstance(given, Protocol):
-        return given
-    if not isinstance(given, str) or given not in PROTOCOLS:
+    if isinstance(protocol, Protocol):
+        return protocol
+    if not isinstance(protocol, str) or protocol not in PROTOCOLS:
         raise MotionKitError(
-            f"no protocol {given!r}; there are {', '.join(map(repr, PROTOCOLS))}; or make one, mk.arena.Protocol(...)"
+            f"no protocol {protocol!r}; there are {', '.join(map(repr, PROTOCOLS))}; or make one, "
+            "mk.arena.Protocol(...)"
         )
-    return PROTOCOLS[given]
+    return PROTOCOLS[protocol]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,26 +15,27 @@ from torch import Tensor
 
 import motionkit
 
-from .. import datasets
+from .. import datasets, judges
+from ..checkpoints import data_hash
 from ..datasets import Dataset, Split
 from ..datasets.cache import make_folder
 from ..errors import MotionKitError
 from ..files import cache_folder
-from . import transfers
 from .protocols import Protocol, Transfer, get_protocol
-from .table import ArenaTable, EvalContext, Results, Row, scores_of, scores_of_clips
+from .table import ArenaTable, EvalContext, Results, Row, figures
 from .transfers import (
+    FORMAT,
     REAL,
     Evaluator,
     GroundTruth,
-    Measured,
+    Measures,
     MethodEntry,
-    dataset_key,
     evaluate,
     evaluate_clips,
     generate,
     judge_key,
     method_entries,
+    result_path,
 )
 
 
@@ -43,8 +44,8 @@ def run(
     dataset: str | Dataset | Split = "actor",
     protocol: str | Protocol = "small",
     seed: int = 0,
-    resume: bool = True,
     *,
+    resume: bool = True,
     judge: object = None,
     root: str | os.PathLike | None = None,
     folder: str | os.PathLike | None = None,
@@ -65,18 +66,23 @@ def run(
     ...
     motionkit.errors.MotionKitError: no protocol 'paper-7'; there are 'paper-1', ...
     """
-    entrants, protocol = method_entries(methods), get_protocol(protocol)
+    entries, protocol = method_entries(methods), get_protocol(protocol)
     if not isinstance(seed, int):
         raise MotionKitError(f"the arena's seed is a whole number; found {seed!r}")
     split = _split_of(dataset, root)
-    judge = _judge_of(judge, split)
     base = Path(folder).expanduser() if folder is not None else cache_folder() / "arena"
-    return _Work(split, judge, protocol, seed, base, jobs, shrinkage).table(entrants, resume)
+    work = _Work(split, _judge_of(judge, split.test), protocol, seed, base, jobs, shrinkage)
+    results = {entry.name: work.results(entry, resume=resume) for entry in entries}
+    rows = [work.row(one) for one in results.values()] + [work.real_row()]
+    results[REAL] = work.real_results()
+    # the protocol's columns but those that no row can have, as the truth's where nobody knows it
+    columns = [c for c in protocol.columns if any(not math.isnan(row.cell(c).value) for row in rows)]
+    return ArenaTable(tuple(rows), tuple(columns) or protocol.columns, work.provenance(), results)
 
 
 @dataclass(frozen=True, eq=False)
 class _Work:
-    """What all methods of a table have in common."""
+    """What all rows of a table have in common, worked out when first needed."""
 
     split: Split
     judge: object
@@ -86,71 +92,80 @@ class _Work:
     jobs: int | None
     shrinkage: float | None
 
-    def table(self, entrants: Sequence[MethodEntry], resume: bool) -> ArenaTable:
-        """Make, measure, and put the figures together."""
-        test, transfers = self.split.test, self.transfers
-        bench = Evaluator(self.judge, test, GroundTruth.of(test, self.base))
-        key, train = judge_key(bench), _sample(self.split.train, len(test), self.seed)
-        clips = evaluate_clips(bench, test, self.clips_place, f"test-{key}", self.jobs)
-        learned = evaluate_clips(bench, train, self.clips_place, f"train-{self.seed}-{key}", self.jobs)
-        setting = self._setting(clips)
-        rows, views = [], {}
-        right = {"content": setting.content_ids, "style": setting.style_ids}
-        for entrant in entrants:
-            own, measured = self._play(entrant, bench, key, resume)
-            failed = {n: f"{_names(test, transfers[n])}: {problem}" for n, problem in measured.problems.items()}
-            rows.append(Row(entrant.name, scores_of(measured, setting, self.protocol.columns), len(transfers), failed))
-            views[entrant.name] = Results(entrant.name, test, transfers, measured, right, own)
-        ids = {label: self._ids(label) for label in ("content", "style")}
-        rows.append(Row(REAL, scores_of_clips(clips, ids, learned, setting), len(test)))
-        views[REAL] = Results(REAL, test, tuple(Transfer(n, n) for n in range(len(test))), clips, ids)
-        return ArenaTable(tuple(rows), self._columns(rows), self._provenance(), views)
-
-    def _columns(self, rows: list[Row]) -> tuple[str, ...]:
-        """The protocol's columns but those that no row can have, as the truth's where nobody knows it."""
-        known = [c for c in self.protocol.columns if any(row.cell(c).value == row.cell(c).value for row in rows)]
-        return tuple(known) or self.protocol.columns
-
     @cached_property
     def transfers(self) -> tuple[Transfer, ...]:
         return self.protocol.transfers(self.split.test, self.seed)
 
     @cached_property
-    def place(self) -> Path:
-        """The folder of these clips, this protocol and seed."""
-        return self._folder(f"{_plain(self.protocol.name)}-{self.seed}", f" {self.protocol!r} {self.seed}")
+    def evaluator(self) -> Evaluator:
+        return Evaluator(self.judge, self.split.test, GroundTruth.for_dataset(self.split.test, self.base))
 
     @cached_property
-    def clips_place(self) -> Path:
-        """The folder of what the judge sees in the clips themselves, whatever the protocol."""
-        return self._folder("clips")
+    def key(self) -> str:
+        return judge_key(self.evaluator)
 
-    def _folder(self, what: str, more: str = "") -> Path:
-        text = f"{transfers.FORMAT} {dataset_key(self.split.train, self.split.test)}{more}"
-        name = f"{_plain(self.split.test.name)}-{what}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
-        return make_folder(self.base / name, "give another one: run(..., folder=...)")
+    @cached_property
+    def ids(self) -> dict[str, Tensor]:
+        """The judge's classes of all test clips."""
+        labels = {label: [getattr(clip, label) for clip in self.split.test] for label in ("content", "style")}
+        return {label: getattr(self.judge, label).ids(names) for label, names in labels.items()}
 
-    def _play(self, entrant: MethodEntry, bench: Evaluator, key: str, resume: bool) -> tuple[Path, Measured]:
-        """A method's folder, and the figures of its results, made first where they are missing."""
-        own = self.place / f"{_plain(entrant.name)}-{entrant.key}"
-        own.mkdir(exist_ok=True)
+    @cached_property
+    def clips(self) -> Measures:
+        """What the judge says of the test clips, whatever the protocol."""
+        path = self.folder("clips") / f"clips-test-{self.key}.safetensors"
+        return evaluate_clips(self.evaluator, self.split.test, path, self.jobs)
+
+    @cached_property
+    def context(self) -> EvalContext:
+        contents, styles, repeats = map(torch.tensor, zip(*self.transfers))
+        ids = {"content": self.ids["content"][contents], "style": self.ids["style"][styles]}
+        return EvalContext(contents, styles, repeats, ids, self.clips, self.shrinkage, self.seed)
+
+    def folder(self, name: str, about: str = "") -> Path:
+        """A folder of these clips, and of what else it is about."""
+        text = f"{FORMAT} {data_hash(self.split.train)} {data_hash(self.split.test)}{about}"
+        digest = hashlib.sha256(text.encode()).hexdigest()[:12]
+        folder = self.base / f"{_plain(self.split.test.name)}-{name}-{digest}"
+        return make_folder(folder, "give another one: run(..., folder=...)")
+
+    def results(self, entry: MethodEntry, *, resume: bool) -> Results:
+        """A method's results, measured; made first where they are missing."""
+        name = f"{_plain(self.protocol.name)}-{self.seed}"
+        folder = self.folder(name, f" {self.protocol!r} {self.seed}") / f"{_plain(entry.name)}-{entry.key}"
+        folder.mkdir(exist_ok=True)
         if not resume:
             for n in range(len(self.transfers)):
-                transfers.result_path(own, n).unlink(missing_ok=True)
-        failed = generate(entrant, self.split.train, self.split.test, self.transfers, own, self.jobs)
-        measured = evaluate(bench, self.transfers, own, key, self.jobs, entrant.name)
-        return own, replace(measured, problems=dict(sorted({**measured.problems, **failed}.items())))
+                result_path(folder, n).unlink(missing_ok=True)
+        failed = generate(entry, self.split.train, self.split.test, self.transfers, folder, self.jobs)
+        measures = evaluate(self.evaluator, self.transfers, folder, self.key, self.jobs, entry.name)
+        measures = replace(measures, problems=dict(sorted({**measures.problems, **failed}.items())))
+        return Results(entry.name, self.split.test, self.transfers, measures, self.context.ids, folder)
 
-    def _ids(self, label: str) -> Tensor:
-        """The judge's classes of all test clips."""
-        return getattr(self.judge, label).ids([getattr(clip, label) for clip in self.split.test])
+    def row(self, results: Results) -> Row:
+        """The figures of a method's results."""
+        failed = {n: f"{o.content.name} as {o.style.name}: {o.problem}" for n, o in enumerate(results) if o.problem}
+        cells = figures(results.measures, self.context, self.protocol.columns)
+        return Row(results.method, cells, len(results), failed, self.split.test.name)
 
-    def _setting(self, clips: Measured) -> EvalContext:
-        contents, styles, repeats = (torch.tensor(numbers) for numbers in zip(*self.transfers))
-        ids = (self._ids("content")[contents], self._ids("style")[styles])
-        return EvalContext(contents, styles, *ids, repeats, clips, self.shrinkage, self.seed)
+    def real_results(self) -> Results:
+        """The test clips themselves."""
+        itself = tuple(Transfer(n, n) for n in range(len(self.split.test)))
+        return Results(REAL, self.split.test, itself, self.clips, self.ids)
 
-    def _provenance(self) -> dict:
+    def real_row(self) -> Row:
+        """What the judge names of the test clips, and how far as many training clips are from them."""
+        test, train = self.split.test, _sample(self.split.train, len(self.split.test), self.seed)
+        path = self.folder("clips") / f"clips-train-{self.seed}-{self.key}.safetensors"
+        train_measures = evaluate_clips(self.evaluator, train, path, self.jobs)
+        of_test, of_train = (EvalContext.of_clips(len(x), self.ids, self.clips, self.shrinkage) for x in (test, train))
+        cells = figures(self.clips, of_test, ("cra", "sra", "fsf")) | figures(
+            train_measures, of_train, ("fmd", "fmd_ae")
+        )
+        return Row(REAL, cells, len(test), dataset=test.name)
+
+    def provenance(self) -> dict:
+        """What a table says of itself."""
         return {
             "dataset": self.split.test.name,
             "train_clips": len(self.split.train),
@@ -165,10 +180,6 @@ class _Work:
         }
 
 
-def _names(test: Dataset, transfer: Transfer) -> str:
-    return f"{test[transfer.content].name} as {test[transfer.style].name}"
-
-
 def _split_of(dataset: str | Dataset | Split, root: str | os.PathLike | None) -> Split:
     if isinstance(dataset, str):
         return datasets.load(dataset, root).split()
@@ -181,12 +192,10 @@ def _split_of(dataset: str | Dataset | Split, root: str | os.PathLike | None) ->
     return dataset
 
 
-def _judge_of(judge: object, split: Split) -> object:
+def _judge_of(judge: object, test: Dataset) -> object:
     """The judge, once it is sure that it knows these clips."""
-    name, _ = split.test.name, split.test.skeleton  # an error if its clips have several
+    name, _ = test.name, test.skeleton  # an error if its clips have several
     if judge is None or isinstance(judge, str):
-        from .. import judges
-
         judge = judges.load(judge or name)
     for label in ("content", "style"):
         classifier = getattr(judge, label, None)
@@ -194,14 +203,14 @@ def _judge_of(judge: object, split: Split) -> object:
             raise MotionKitError(
                 f"a judge has classifiers .content and .style, as mk.judges.load gives; found {judge!r}"
             )
-        words = split.test.contents if label == "content" else split.test.styles
+        words = test.contents if label == "content" else test.styles
         unknown = [word for word in words if word not in classifier.labels]
         if unknown:
             raise MotionKitError(
                 f"data set {name!r} has {label} {unknown[0]!r}, for which this judge was not trained; it knows "
                 f"{', '.join(classifier.labels)}. Give a judge of this data set: run(..., judge=...)"
             )
-        body = split.test[0].motion.without_helper_joints().skeleton
+        body = test[0].motion.without_helper_joints().skeleton
         if not classifier.skeleton.same_tree(body):
             raise MotionKitError(
                 f"data set {name!r} has {body!r}, and this judge's {label} classifier was trained on "

@@ -1,4 +1,4 @@
-"""From what was measured of each result to the figures of a row, each with its interval."""
+"""The table: from measures of each result to the figures of a row, each with its interval, and to print."""
 
 from __future__ import annotations
 
@@ -18,11 +18,28 @@ from ..datasets import Clip, Dataset
 from ..errors import MotionKitError
 from ..files import read_bytes, write_atomic
 from ..motion import Motion
-from . import transfers
 from .protocols import Transfer
-from .transfers import REAL, Measured, one_thread
+from .transfers import REAL, Measures, load_result, one_thread, result_path
 
-_DRAWS = {True: 200, False: 1000}  # of the bootstrap: a Fréchet distance takes a hundred times as long as a mean
+ARROWS = {"down": "↓", "up": "↑", "one": "→ 1"}
+_WIDTH = 120  # characters of a printed line
+_FAILURES = 3  # that are shown
+_DIGITS = 5  # that records keep
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A figure: value, and between which two it lies. missing: of how many results there is no such figure; NaN and
+    why, where there is none at all. deviation: low and high are a standard deviation away, over repeats, instead of the
+    ends of a 95 % interval.
+    """
+
+    value: float
+    low: float = math.nan
+    high: float = math.nan
+    missing: int = 0
+    why: str = ""
+    deviation: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -33,6 +50,23 @@ class Column:
     better: str
     digits: int
     about: str
+
+    @property
+    def heading(self) -> str:
+        """Title and arrow."""
+        return f"{self.title} {ARROWS[self.better]}"
+
+    def value(self, cell: Cell) -> str:
+        """A figure as printed; a dash where there is none."""
+        return "–" if math.isnan(cell.value) else f"{cell.value:.{self.digits}f}"
+
+    def spread(self, cell: Cell) -> str:
+        """Its interval or deviation as printed; empty where there is none."""
+        if math.isnan(cell.value) or math.isnan(cell.low):
+            return ""
+        if cell.deviation:
+            return f"±{cell.value - cell.low:.{self.digits}f}"
+        return f" [{cell.low:.{self.digits}f}, {cell.high:.{self.digits}f}]"
 
 
 COLUMNS = {
@@ -51,129 +85,118 @@ COLUMNS = {
 }
 
 
-@dataclass(frozen=True)
-class Cell:
-    """A figure: value, and between which two it lies. deviation: low and high are a standard deviation away, over
-    repeats, instead of the ends of a 95 % interval. missing: of how many results there is no such figure; NaN and why,
-    where there is none at all.
-    """
-
-    value: float
-    low: float = math.nan
-    high: float = math.nan
-    deviation: bool = False
-    missing: int = 0
-    why: str = ""
-
-
 @dataclass(frozen=True, eq=False)
 class EvalContext:
-    """What scores depend on beside a method's results. All [N], a number for each transfer.
+    """What figures depend on beside a method's results; tensors have a number for each of N transfers.
 
-    contents, styles: which of the test clips. content_ids, style_ids: the judge's classes. repeats: of which draw.
+    contents, styles: which of the clips, [N]. repeats: of which draw, [N]. ids: the judge's classes of `content` and
+    `style` that would be right, [N]. clips: measures of all test clips.
     """
 
     contents: Tensor
     styles: Tensor
-    content_ids: Tensor
-    style_ids: Tensor
     repeats: Tensor
-    clips: Measured  # all test clips
+    ids: dict[str, Tensor]
+    clips: Measures
     shrinkage: float | None = None
     seed: int = 0
 
+    @classmethod
+    def of_clips(cls, count: int, ids: dict[str, Tensor], clips: Measures, shrinkage: float | None) -> EvalContext:
+        """Of clips themselves, each of which is its own content and style."""
+        numbers = torch.arange(count)
+        return cls(numbers, numbers, torch.zeros(count), ids, clips, shrinkage)
+
+
+_LABELS = {  # whose scores or features a column takes
+    "cra": "content",
+    "sra": "style",
+    "fmd": "content",
+    "fmd_ae": "ae",
+    "fmd_content": "content",
+    "fmd_style": "style",
+}
+
 
 @one_thread()
-def scores_of(measured: Measured, setting: EvalContext, columns: tuple[str, ...]) -> dict[str, Cell]:
-    """A method's figures."""
-    clips, seen = setting.clips.seen, measured.seen
+def figures(measures: Measures, context: EvalContext, columns: Sequence[str]) -> dict[str, Cell]:
+    """The cells of a row."""
     cells = {}
     for column in columns:
         if column in ("cra", "sra"):
-            label = {"cra": "content", "sra": "style"}[column]
-            ids = getattr(setting, f"{label}_ids")
-            scores = seen.get(f"{label}_scores", torch.full((len(ids), int(ids.max()) + 1), math.nan))
-            cells[column] = _cell(torch.mean, (_recognised(scores, ids),), setting)
+            cells[column] = _accuracy(measures, context, _LABELS[column])
         elif column.startswith("fmd"):
-            label = {"fmd": "content", "fmd_ae": "ae", "fmd_content": "content", "fmd_style": "style"}[column]
-            real, results = clips.get(f"{label}_features"), seen.get(f"{label}_features")
-            pairs = {"fmd_content": setting.contents, "fmd_style": setting.styles}.get(column)
-            cells[column] = _distance(results, real, pairs, setting)
+            clips = {"fmd_content": context.contents, "fmd_style": context.styles}.get(column)
+            cells[column] = _distance(measures, context, f"{_LABELS[column]}_features", clips)
         else:
-            values = measured.values[column]
-            cells[column] = _mean(values, setting, torch.median if column == "seconds" else torch.mean)
+            cells[column] = _mean(measures, context, column)
     return cells
 
 
-@one_thread()
-def scores_of_clips(clips: Measured, ids: dict[str, Tensor], train: Measured, setting: EvalContext) -> dict[str, Cell]:
-    """The row of the test clips: what the judge makes of them, and how far as many training clips are from them."""
-    alone = EvalContext(
-        *[torch.arange(len(ids["content"]))] * 4, torch.zeros(len(ids["content"])), clips, setting.shrinkage
-    )
-    cells = {
-        f"{label[0]}ra": _cell(torch.mean, (_recognised(clips.seen[f"{label}_scores"], ids[label]),), alone)
-        for label in ids
-    }
-    for column, name in (("fmd", "content_features"), ("fmd_ae", "ae_features")):
-        count = len(train.values["fsf"])
-        sample = EvalContext(*[torch.arange(count)] * 4, torch.zeros(count), clips, setting.shrinkage)
-        cells[column] = _distance(train.seen.get(name), clips.seen.get(name), None, sample)
-    return {**cells, "fsf": _mean(clips.values["fsf"], alone, torch.mean)}
+def _accuracy(measures: Measures, context: EvalContext, label: str) -> Cell:
+    """`metrics.recognition_accuracy`, the mean of 100 for each motion whose class is named, and of 0 for the others."""
+    ids = context.ids[label]
+    nothing = torch.full((len(ids), int(ids.max()) + 1), math.nan)
+    scores = measures.judge_outputs.get(f"{label}_scores", nothing)
+    right = [metrics.recognition_accuracy(score[None], n[None]) for score, n in zip(scores, ids)]
+    return _cell(torch.mean, (torch.tensor(right).double(),), context)
 
 
-def _recognised(scores: Tensor, ids: Tensor) -> Tensor:
-    """100 for each motion whose class is named, 0 for the others, [N]: `metrics.recognition_accuracy` is the mean."""
-    return torch.tensor([metrics.recognition_accuracy(s[None], i[None]) for s, i in zip(scores, ids)]).double()
-
-
-def _mean(values: Tensor, setting: EvalContext, statistic: Callable) -> Cell:
-    there = torch.isfinite(values)
-    if not there.any():
+def _mean(measures: Measures, context: EvalContext, column: str) -> Cell:
+    values = measures.values[column]
+    defined = torch.isfinite(values)
+    if not defined.any():
         return Cell(math.nan, missing=len(values), why="not defined for these results")
-    return _cell(statistic, (values[there],), setting, there)
+    return _cell(torch.median if column == "seconds" else torch.mean, (values[defined],), context, defined)
 
 
-def _distance(results: Tensor | None, real: Tensor | None, pairs: Tensor | None, setting: EvalContext) -> Cell:
-    """A Fréchet distance, from all real clips or (pairs) from the transfers' own."""
+def _distance(measures: Measures, context: EvalContext, name: str, numbers: Tensor | None) -> Cell:
+    """A Fréchet distance, from all test clips or (numbers) from those of the transfers."""
+    real, features = context.clips.judge_outputs.get(name), measures.judge_outputs.get(name)
     if real is None:
         return Cell(math.nan, why="the judge has no such features")
-    if results is None:
-        return Cell(math.nan, missing=len(setting.contents), why="no result could be judged")
-    there = torch.isfinite(results).all(1)
-    size, count = results.shape[1], int(there.sum())
-    if pairs is None:
-        samples, statistic = (results[there],), lambda x: metrics.fmd(x, real, shrinkage=setting.shrinkage)
-        few = min(count, len(real))
+    if features is None:
+        return Cell(math.nan, missing=len(context.contents), why="no result could be judged")
+    defined = torch.isfinite(features).all(1)
+    size, count = features.shape[1], int(defined.sum())
+    if numbers is None:
+        few, samples = min(count, len(real)), (features[defined],)
     else:
-        samples = results[there], real[pairs[there]]
-        few, statistic = count, lambda x, y: metrics.fmd(x, y, shrinkage=setting.shrinkage)
-    if few <= (size if setting.shrinkage is None else 1):
-        return Cell(
-            math.nan,
-            missing=len(there) - count,
-            why=f"{few} motions; a covariance of {size} numbers needs at least {size + 1}, or run(..., shrinkage=0.1)",
-        )
-    return _cell(statistic, samples, setting, there, distance=True)
+        few, samples = count, (features[defined], real[numbers[defined]])
+    if few <= (size if context.shrinkage is None else 1):
+        why = f"{few} motions; a covariance of {size} numbers needs at least {size + 1}, or run(..., shrinkage=0.1)"
+        return Cell(math.nan, missing=len(defined) - count, why=why)
+
+    def fmd(results: Tensor, clips: Tensor = real) -> float:
+        return metrics.fmd(results, clips, shrinkage=context.shrinkage)
+
+    return _cell(fmd, samples, context, defined, distance=True)
 
 
 def _cell(
-    statistic: Callable, samples: tuple, setting: EvalContext, there: Tensor | None = None, distance: bool = False
+    statistic: Callable,
+    samples: tuple[Tensor, ...],
+    context: EvalContext,
+    defined: Tensor | None = None,
+    *,
+    distance: bool = False,
 ) -> Cell:
-    """A statistic of the results that have it (all, if `there` is left out), with its interval or deviation."""
-    there = torch.ones(len(samples[0]), dtype=torch.bool) if there is None else there
-    missing, repeats = int((~there).sum()), setting.repeats[there]
-    if len(setting.repeats.unique()) > 1:
+    """A statistic of the results that have it (all, if `defined` is left out), with its interval or deviation."""
+    if defined is None:
+        defined = torch.ones(len(samples[0]), dtype=torch.bool)
+    missing, repeats = int((~defined).sum()), context.repeats[defined]
+    if len(context.repeats.unique()) > 1:
         try:
-            found = metrics.spread([float(statistic(*(s[repeats == r] for s in samples))) for r in repeats.unique()])
+            values = [float(statistic(*(x[repeats == repeat] for x in samples))) for repeat in repeats.unique()]
+            mean, deviation, _ = metrics.spread(values)
         except MotionKitError as error:
             return Cell(math.nan, missing=missing, why=f"a single repeat has too few results ({error})")
-        return Cell(found.mean, found.mean - found.std, found.mean + found.std, True, missing)
-    clips = (setting.contents,) if torch.equal(setting.contents, setting.styles) else (setting.contents, setting.styles)
-    groups = tuple(ids[there] for ids in clips)
+        return Cell(mean, mean - deviation, mean + deviation, missing, deviation=True)
+    clips = [context.contents] if torch.equal(context.contents, context.styles) else [context.contents, context.styles]
+    draws = 200 if distance else 1000  # a Fréchet distance takes a hundred times as long as a mean
+    options = {"repeats": draws, "seed": context.seed, "centred": distance}
     try:
-        options = {"repeats": _DRAWS[distance], "seed": setting.seed, "groups": groups, "centred": distance}
-        value, low, high = metrics.bootstrap(statistic, *samples, **options)
+        value, low, high = metrics.bootstrap(statistic, *samples, groups=[ids[defined] for ids in clips], **options)
     except MotionKitError:  # a single row, or all rows of one clip: a value without a known spread
         return Cell(float(statistic(*samples)), missing=missing)
     return Cell(value, max(low, 0.0) if distance else low, high, missing=missing)
@@ -196,7 +219,7 @@ class Outcome:
             return self.content.motion
         if not self.path.exists():
             raise MotionKitError(f"{self.content.name} as {self.style.name}: no result: {self.problem}")
-        return transfers.load_result(self.path, self.content.motion)[0]
+        return load_result(self.path, self.content.motion)[0]
 
     def __repr__(self) -> str:
         problem = f", {self.problem}" if self.problem else ""
@@ -214,8 +237,8 @@ class Results(Sequence):
     method: str
     test: Dataset
     transfers: tuple[Transfer, ...]
-    measured: Measured
-    right: dict[str, Tensor]
+    measures: Measures
+    right_ids: dict[str, Tensor]
     folder: Path | None = None
 
     def __len__(self) -> int:
@@ -226,65 +249,99 @@ class Results(Sequence):
             raise IndexError(f"results of {self.method!r} go from 0 to {len(self) - 1}; found [{number!r}]")
         number = int(number) % len(self)
         transfer = self.transfers[number]
-        path = None if self.folder is None else transfers.result_path(self.folder, number)
-        values = {name: float(x[number]) for name, x in self.measured.values.items()}
-        problem = self.measured.problems.get(number, "")
+        path = None if self.folder is None else result_path(self.folder, number)
+        values = {name: float(x[number]) for name, x in self.measures.values.items()}
+        problem = self.measures.problems.get(number, "")
         return Outcome(self.test[transfer.content], self.test[transfer.style], values, problem, path)
 
     def __iter__(self) -> Iterator[Outcome]:
         return (self[n] for n in range(len(self)))
 
     def __repr__(self) -> str:
-        return f"Results({self.method!r}, {len(self)} transfers, {len(self.measured.problems)} failed)"
+        return f"Results({self.method!r}, {len(self)} transfers, {len(self.measures.problems)} failed)"
 
     def scores(self, label: str) -> Tensor:
         """The judge's log-probabilities [N, C] of `content` or `style`."""
-        return self._seen(label, "scores")
+        return self._judge_outputs(label, "scores")
 
     def features(self, label: str) -> Tensor:
         """The judge's features [N, D]: of its `content` or `style` classifier, or its autoencoder (`ae`)."""
-        return self._seen(label, "features")
+        return self._judge_outputs(label, "features")
 
     def ids(self, label: str) -> Tensor:
         """The classes [N] that would be right: content of the content clips, or style of the style clips."""
-        if label not in self.right:
+        if label not in self.right_ids:
             raise MotionKitError(f"labels are 'content' and 'style'; found {label!r}")
-        return self.right[label]
+        return self.right_ids[label]
 
-    def _seen(self, label: str, what: str) -> Tensor:
-        name = f"{label}_{what}"
-        if name not in self.measured.seen:
-            there = ", ".join(sorted(n.removesuffix(f"_{what}") for n in self.measured.seen if n.endswith(what)))
-            raise MotionKitError(f"results of {self.method!r}: no {what} {label!r}; there are {there or 'none'}")
-        return self.measured.seen[name]
-
-
-ARROWS = {"down": "↓", "up": "↑", "one": "→ 1"}
-_WIDTH = 120  # characters of a printed line
-_TOLD = 3  # failures that are shown
-_DIGITS = 5  # that records keep
+    def _judge_outputs(self, label: str, what: str) -> Tensor:
+        outputs = self.measures.judge_outputs
+        if f"{label}_{what}" not in outputs:
+            known = sorted(name.removesuffix(f"_{what}") for name in outputs if name.endswith(what))
+            raise MotionKitError(
+                f"results of {self.method!r}: no {what} {label!r}; there are {', '.join(known) or 'none'}"
+            )
+        return outputs[f"{label}_{what}"]
 
 
 @dataclass(frozen=True, eq=False)
 class Row:
     """A method's figures. count: how many transfers. failed: of those that did, number to what happened, which begins
-    with the names of its clips.
+    with the names of its clips. dataset: whose clips these were.
     """
 
     method: str
     cells: dict[str, Cell]
     count: int
     failed: dict[int, str] = field(default_factory=dict)
+    dataset: str = ""
 
     @property
-    def told(self) -> list[str]:
+    def failures(self) -> list[str]:
         """What failed, the first three of different kinds."""
         kinds = {message.partition(": ")[2]: message for message in reversed(self.failed.values())}
-        return list(kinds.values())[: -_TOLD - 1 : -1]
+        return list(kinds.values())[: -_FAILURES - 1 : -1]
 
     def cell(self, column: str) -> Cell:
         """The figure of a column; one without a value where the row has none."""
         return self.cells.get(column, Cell(math.nan))
+
+    def record(self, columns: Sequence[str], dataset: str) -> dict:
+        """The row as a dict, see `ArenaTable.records`. dataset: whose clips, where the row does not say so itself."""
+        record = {"method": self.method, "dataset": self.dataset or dataset}
+        record |= {"transfers": self.count, "failed": len(self.failed)}
+        if self.failed:
+            record["failures"] = self.failures
+        for column in columns:
+            cell = self.cell(column)
+            record[column] = _rounded(cell.value)
+            if cell.deviation:
+                record[f"{column}_std"] = _rounded(cell.value - cell.low)
+            elif not math.isnan(cell.low):
+                record[f"{column}_ci"] = [_rounded(cell.low), _rounded(cell.high)]
+            if cell.missing:
+                record[f"{column}_missing"] = cell.missing
+            if cell.why:
+                record[f"{column}_why"] = cell.why
+        return record
+
+    @classmethod
+    def from_record(cls, record: Mapping, columns: Sequence[str], dataset: str) -> Row:
+        """The row that such a dict describes."""
+        cells = {}
+        for column in columns:
+            value, std = record.get(column), record.get(f"{column}_std")
+            value = math.nan if value is None else value
+            low, high = record.get(f"{column}_ci", (math.nan, math.nan)) if std is None else (value - std, value + std)
+            missing, why = record.get(f"{column}_missing", 0), record.get(f"{column}_why", "")
+            cells[column] = Cell(value, low, high, missing, why, deviation=std is not None)
+        failures = record.get("failures") or [""]
+        failed = {n: failures[min(n, len(failures) - 1)] for n in range(record.get("failed", 0))}
+        return cls(record["method"], cells, record.get("transfers", 0), failed, record.get("dataset") or dataset)
+
+
+def _rounded(value: float) -> float | None:
+    return None if math.isnan(value) else float(f"{value:.{_DIGITS}g}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +359,7 @@ class ArenaTable:
     rows: tuple[Row, ...]
     columns: tuple[str, ...]
     provenance: dict[str, object] = field(default_factory=dict)
-    views: dict[str, Results] = field(default_factory=dict, repr=False)
+    results_by_method: dict[str, Results] = field(default_factory=dict, repr=False)
 
     def __getitem__(self, method: str) -> Row:
         """A method's row; MotionKitError names those that there are."""
@@ -314,11 +371,11 @@ class ArenaTable:
     def results(self, method: str) -> Results:
         """A method's transfers: clips, result, scores and features of each; of "real" the test clips."""
         self[method]
-        if method not in self.views:
+        if method not in self.results_by_method:
             raise MotionKitError(
                 f"this table was read from a file, without results; mk.arena.run gives {method!r} some"
             )
-        return self.views[method]
+        return self.results_by_method[method]
 
     def only(self, *columns: str) -> ArenaTable:
         """The table with some of its columns, such as "cra", "sra"; MotionKitError names all."""
@@ -337,28 +394,32 @@ class ArenaTable:
 
     def notes(self) -> list[str]:
         """What must be said beside the figures: failures, and figures that some results do not have."""
-        found = []
+        notes = []
         for row in self.rows:
             if row.failed:
-                found.append(
+                notes.append(
                     f"{row.method}: {len(row.failed)} of {row.count} transfers failed, counted as not recognised: "
-                    + "; ".join(row.told)
+                    + "; ".join(row.failures)
                 )
-            starred: dict[int, list[str]] = {}
-            without: dict[str, list[str]] = {}
+            reasons: dict[str, list[str]] = {}
+            missing: dict[int, list[str]] = {}
             for column in self.columns:
-                cell = row.cell(column)
-                if cell.missing:
-                    starred.setdefault(cell.missing, []).append(_title(column))
+                cell, title = row.cell(column), COLUMNS[column].title
                 if cell.why and cell.missing < row.count:
-                    without.setdefault(cell.why, []).append(_title(column))
-            found += [f"{row.method}: no {', '.join(c)}: {why}" for why, c in without.items()]
-            found += [f"* {row.method}: {', '.join(c)} without {n} of {row.count}" for n, c in starred.items()]
-        return found
+                    reasons.setdefault(cell.why, []).append(title)
+                if cell.missing:
+                    missing.setdefault(cell.missing, []).append(title)
+            notes += [f"{row.method}: no {', '.join(titles)}: {why}" for why, titles in reasons.items()]
+            notes += [
+                f"* {row.method}: {', '.join(titles)} without {n} of {row.count}" for n, titles in missing.items()
+            ]
+        return notes
 
     def records(self) -> list[dict]:
-        """A dict for each row, for JSON and data frames: FIGURE, and FIGURE_ci [low, high] or FIGURE_std."""
-        return [_record(row, self.columns) for row in self.rows]
+        """A dict for each row, for JSON and data frames: method, dataset, transfers, failed; FIGURE, and FIGURE_ci
+        [low, high] or FIGURE_std.
+        """
+        return [row.record(self.columns, self.provenance.get("dataset", "")) for row in self.rows]
 
     def to_json(self, path: str | os.PathLike) -> Path:
         """Write provenance and records; `ArenaTable.from_json` reads them. Returns the path."""
@@ -368,8 +429,8 @@ class ArenaTable:
     def from_json(cls, path: str | os.PathLike) -> ArenaTable:
         """The table that `to_json` wrote, without the results; MotionKitError if it is none."""
         try:
-            found = json.loads(read_bytes(path))
-            return cls.from_records(found["rows"], found["provenance"])
+            table = json.loads(read_bytes(path))
+            return cls.from_records(table["rows"], table["provenance"])
         except (ValueError, KeyError, TypeError) as error:
             raise MotionKitError(f"{path}: not a table of the arena ({error})") from None
 
@@ -377,24 +438,27 @@ class ArenaTable:
     def from_records(cls, records: Sequence[Mapping], provenance: Mapping | None = None) -> ArenaTable:
         """The table of such records as `records` gives."""
         columns = tuple(c for c in COLUMNS if any(record.get(c) is not None for record in records))
-        return cls(tuple(_row(record, columns) for record in records), columns, dict(provenance or {}))
+        provenance = dict(provenance or {})
+        rows = (Row.from_record(record, columns, provenance.get("dataset", "")) for record in records)
+        return cls(tuple(rows), columns, provenance)
 
     def caption(self) -> str:
         """One line that says what the table was measured on."""
-        known = self.provenance
-        if not known:
+        about = self.provenance
+        if not about:
             return ""
-        spread = "± a standard deviation over repeats" if known.get("repeats", 1) > 1 else "[95 % interval]"
-        shrunk = f", shrinkage {known['shrinkage']:g}" if known.get("shrinkage") is not None else ""
-        what = f"{known['dataset']}, protocol {known['protocol']}, seed {known['seed']}: {known['transfers']} transfers"
-        return f"{what}, judge {known['judge']}{shrunk}; {spread}"
+        spread = "± a standard deviation over repeats" if about.get("repeats", 1) > 1 else "[95 % interval]"
+        shrinkage = f", shrinkage {about['shrinkage']:g}" if about.get("shrinkage") is not None else ""
+        what = f"{about['dataset']}, protocol {about['protocol']}, seed {about['seed']}: {about['transfers']} transfers"
+        return f"{what}, judge {about['judge']}{shrinkage}; {spread}"
 
     def __str__(self) -> str:
         names = ["method", *(row.method for row in self.rows)]
-        blocks = [[names]]
-        for column in self.columns:
-            texts = [f"{_title(column)} {ARROWS[COLUMNS[column].better]}"]
-            texts += [_text(row.cell(column), column) for row in self.rows]
+        blocks = [[names]]  # of columns of texts, no block wider than a line
+        for name in self.columns:
+            column, texts = COLUMNS[name], [COLUMNS[name].heading]
+            for cell in (row.cell(name) for row in self.rows):
+                texts.append(f"{column.value(cell)}{'*' if cell.missing else ''}{column.spread(cell)}")
             if sum(max(map(len, t)) + 2 for t in [*blocks[-1], texts]) > _WIDTH + 2 and len(blocks[-1]) > 1:
                 blocks.append([names])
             blocks[-1].append(texts)
@@ -403,88 +467,30 @@ class ArenaTable:
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        best = {column: self.best(column) for column in self.columns}
-        bold = {column: _value(self[row].cell(column), column) for column, row in best.items() if row}
-        head = "".join(
-            f'<th style="text-align:right" title="{escape(COLUMNS[c].about)}">'
-            f"{escape(_title(c))} {ARROWS[COLUMNS[c].better]}</th>"
-            for c in self.columns
-        )
+        head = '<th style="text-align:left">method</th>'
+        for column in (COLUMNS[name] for name in self.columns):
+            title = f'title="{escape(column.about)}"'
+            head += f'<th style="text-align:right" {title}>{escape(column.heading)}</th>'
         body = ""
         for row in self.rows:
-            cells = "".join(_html(row.cell(c), c, "" if row.method == REAL else bold.get(c, "")) for c in self.columns)
             shade = ' style="opacity:0.65"' if row.method == REAL else ""
+            cells = "".join(self._html_cell(row, name) for name in self.columns)
             body += f'<tr{shade}><td style="text-align:left">{escape(row.method)}</td>{cells}</tr>'
         notes = "".join(f"<br>{escape(note)}" for note in self.notes())
         foot = f'<p style="font-size:smaller">{escape(self.caption())}{notes}</p>'
-        head = f'<thead><tr><th style="text-align:left">method</th>{head}</tr></thead>'
-        return f"<table>{head}<tbody>{body}</tbody></table>{foot}"
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{foot}"
+
+    def _html_cell(self, row: Row, name: str) -> str:
+        """A cell, bold where it prints as the best of its column does."""
+        column, cell, best = COLUMNS[name], row.cell(name), self.best(name)
+        value, spread = column.value(cell), column.spread(cell).strip()
+        if best and row.method != REAL and not cell.missing and value == column.value(self[best].cell(name)):
+            value = f"<b>{value}</b>"
+        small = f'<br><span style="opacity:0.6;font-size:smaller">{spread}</span>' if spread else ""
+        return f'<td style="text-align:right;white-space:nowrap">{value}{"*" if cell.missing else ""}{small}</td>'
 
 
 def _aligned(block: Sequence[Sequence[str]]) -> str:
     """Columns of texts as lines."""
     widths = [max(map(len, texts)) for texts in block]
     return "\n".join("  ".join(f"{t:<{w}}" for t, w in zip(line, widths)).rstrip() for line in zip(*block))
-
-
-def _title(column: str) -> str:
-    return COLUMNS[column].title
-
-
-def _spread(cell: Cell, digits: int) -> str:
-    if cell.value != cell.value or cell.low != cell.low:
-        return ""
-    if cell.deviation:
-        return f"±{cell.value - cell.low:.{digits}f}"
-    return f" [{cell.low:.{digits}f}, {cell.high:.{digits}f}]"
-
-
-def _value(cell: Cell, column: str) -> str:
-    return "–" if cell.value != cell.value else f"{cell.value:.{COLUMNS[column].digits}f}"
-
-
-def _text(cell: Cell, column: str) -> str:
-    return f"{_value(cell, column)}{'*' if cell.missing else ''}{_spread(cell, COLUMNS[column].digits)}"
-
-
-def _html(cell: Cell, column: str, best: str) -> str:
-    value, star = _value(cell, column), "*" if cell.missing else ""
-    value = f"<b>{value}</b>" if value == best and not star else value
-    spread = _spread(cell, COLUMNS[column].digits).strip()
-    small = f'<br><span style="opacity:0.6;font-size:smaller">{spread}</span>' if spread else ""
-    return f'<td style="text-align:right;white-space:nowrap">{value}{star}{small}</td>'
-
-
-def _number(value: float) -> float | None:
-    return None if value != value else float(f"{value:.{_DIGITS}g}")
-
-
-def _record(row: Row, columns: Sequence[str]) -> dict:
-    record: dict = {"method": row.method, "transfers": row.count, "failed": len(row.failed)}
-    if row.failed:
-        record["failures"] = row.told
-    for column in columns:
-        cell = row.cell(column)
-        record[column] = _number(cell.value)
-        if cell.deviation:
-            record[f"{column}_std"] = _number(cell.value - cell.low)
-        elif cell.low == cell.low:
-            record[f"{column}_ci"] = [_number(cell.low), _number(cell.high)]
-        if cell.missing:
-            record[f"{column}_missing"] = cell.missing
-        if cell.why:
-            record[f"{column}_why"] = cell.why
-    return record
-
-
-def _row(record: Mapping, columns: Sequence[str]) -> Row:
-    cells = {}
-    for column in columns:
-        value = record.get(column)
-        value, std = math.nan if value is None else value, record.get(f"{column}_std")
-        low, high = (value - std, value + std) if std is not None else record.get(f"{column}_ci", (math.nan, math.nan))
-        missing, why = record.get(f"{column}_missing", 0), record.get(f"{column}_why", "")
-        cells[column] = Cell(value, low, high, std is not None, missing, why)
-    told = record.get("failures") or [""]
-    failed = {n: told[min(n, len(told) - 1)] for n in range(record.get("failed", 0))}
-    return Row(record["method"], cells, record.get("transfers", 0), failed)

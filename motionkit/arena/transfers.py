@@ -1,37 +1,38 @@
-"""A key for anything that makes results: it changes when what is known of the thing does."""
+"""What a transfer is, and all that happens to it: a method makes a result, which is kept on disk, then measured.
+
+Methods come as `MethodEntry`; `generate` makes their results, `save_result` keeps each as soon as it is there,
+`evaluate` measures them, and `parallel` spreads all of it over processes.
+"""
 
 from __future__ import annotations
 
 import copy
-import enum
-import functools
 import hashlib
-import inspect
 import json
 import math
 import os
 import pickle
 import random
+import threading
 import time
-import types
 import warnings
 import zlib
-from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import groupby
 from pathlib import Path
-from threading import local
-from uuid import uuid4
+from typing import NamedTuple
 
 import numpy as np
 import safetensors
+import safetensors.torch
 import torch
-from safetensors.torch import load as tensors_of
-from safetensors.torch import save as bytes_of
+from joblib import Parallel, delayed, effective_n_jobs, wrap_non_picklable_objects
 from torch import Tensor
+from tqdm.auto import tqdm
 
 from .. import actor, metrics
 from .. import methods as kit
@@ -40,192 +41,14 @@ from ..contacts import foot_contacts
 from ..datasets import Clip, Dataset, Item, performed
 from ..errors import MotionKitError, motion_inside
 from ..files import read_bytes, write_atomic
-from ..metrics import from_own_place
+from ..metrics import canonical_positions
 from ..motion import Motion
+from .cache_key import cache_key
 from .protocols import Transfer
 
-_PLAIN = (type(None), bool, int, float, complex, str, bytes, enum.Enum)
-_CALLED = (type, types.FunctionType, types.MethodType, types.BuiltinFunctionType, types.ModuleType, functools.partial)
-
-
-def cache_key(thing: object) -> str:
-    """Sixteen hex digits that change with what a method is made of, and are the same in every process.
-
-    A function: its code, constants, defaults, closure, and the plain values and functions of its own module that it
-    names. What it calls in other modules is not looked at. An object: its class' code and all that it holds, or what
-    its `__getstate__` says, so that caches can be kept out. The kit's own classes and functions count by their name
-    and `version`, a number that is raised when their answers change.
-
-    >>> def f(a, b, share=0.5):
-    ...     return a
-    >>> def g(a, b, share=0.7):
-    ...     return a
-    >>> cache_key(f) == cache_key(f), cache_key(f) == cache_key(g)
-    (True, False)
-    """
-    digest = hashlib.sha256()
-    try:
-        for part in _parts(thing, {}):
-            digest.update(part + b"\0")
-    except RecursionError:
-        raise _unknown(thing, "it holds too much that holds more") from None
-    return digest.hexdigest()[:16]
-
-
-def dataset_key(*datasets: Dataset) -> str:
-    """Changes with the clips of data sets: their names, labels and numbers.
-
-    >>> import motionkit as mk
-    >>> item = mk.datasets.Item("a", mk.datasets.Labels("walk", "old", ()), mk.datasets.BvhSource.at(
-    ...     "data/actor/walk_old.bvh"))
-    >>> len(dataset_key(mk.datasets.from_items("mine", [item])))
-    16
-    """
-    digest = hashlib.sha256()
-    for dataset in datasets:
-        for n in dataset.indices:
-            clip, labels = dataset.store.clips[n], dataset.labels[n]
-            digest.update(f"{clip.name}\t{clip.checksum}\t{labels.content}\t{labels.style}\n".encode())
-        digest.update(b"\n")
-    return digest.hexdigest()[:16]
-
-
-def _parts(thing: object, seen: dict[int, object]) -> Iterator[bytes]:
-    """What a thing is made of, as bytes; `seen` keeps what was passed, so that circles end and addresses stay."""
-    if isinstance(thing, _PLAIN):
-        yield f"{type(thing).__name__} {thing!r}".encode()
-    elif id(thing) in seen:
-        yield b"again"
-    else:
-        seen[id(thing)] = thing
-        yield type(thing).__qualname__.encode()
-        yield from _inside(thing, seen)
-
-
-def _inside(thing: object, seen: dict[int, object]) -> Iterator[bytes]:
-    if isinstance(thing, torch.Tensor | np.ndarray):
-        array = np.ascontiguousarray(torch.as_tensor(thing).detach().cpu().numpy())
-        yield f"{array.dtype} {array.shape}".encode()
-        yield array.tobytes()
-    elif isinstance(thing, Mapping):
-        for key in sorted(thing, key=repr):
-            yield from _parts(key, seen)
-            yield from _parts(thing[key], seen)
-    elif isinstance(thing, set | frozenset):
-        yield from map(str.encode, sorted(cache_key(x) for x in thing))
-    elif isinstance(thing, list | tuple):
-        for value in thing:
-            yield from _parts(value, seen)
-    elif isinstance(thing, Dataset):
-        yield dataset_key(thing).encode()
-    elif isinstance(thing, _CALLED):
-        yield from _called(thing, seen)
-    else:
-        yield from _parts(type(thing), seen)
-        yield from _state(thing, seen)
-
-
-def _called(thing: object, seen: dict[int, object]) -> Iterator[bytes]:
-    """Functions and classes."""
-    module = getattr(thing, "__module__", None) or ""
-    yield f"{module} {getattr(thing, '__qualname__', '')}".encode()
-    if isinstance(thing, types.MethodType):
-        yield from _parts(thing.__func__, seen)
-        yield from _parts(thing.__self__, seen)
-    elif isinstance(thing, functools.partial):
-        yield from _parts((thing.func, thing.args, thing.keywords), seen)
-    elif module.split(".")[0] == "motionkit":
-        yield str(getattr(thing, "version", "")).encode()
-    elif isinstance(thing, type) and _is_users(module):
-        for name, value in sorted(vars(thing).items()):
-            if isinstance(value, staticmethod | classmethod | property | functools.cached_property):
-                value = getattr(value, "__func__", None) or getattr(value, "fget", None) or getattr(value, "func", None)
-            if isinstance(value, (types.FunctionType, *_PLAIN, tuple, list, dict)) and name not in _NAMES:
-                yield name.encode()
-                yield from _parts(value, seen)
-        for base in thing.__bases__:
-            yield from _parts(base, seen)
-    elif isinstance(thing, types.FunctionType) and _is_users(module):
-        yield from _function(thing, seen)
-
-
-_NAMES = ("__module__", "__qualname__", "__doc__", "__firstlineno__", "__static_attributes__", "__annotations__")
-_LIBRARIES = ("builtins", "torch", "numpy", "scipy", "functools", "abc", "typing", "collections", "dataclasses")
-
-
-def _is_users(module: str) -> bool:
-    """Whether somebody may be working on it right now."""
-    return module.split(".")[0] not in _LIBRARIES
-
-
-def _function(function: types.FunctionType, seen: dict[int, object]) -> Iterator[bytes]:
-    yield from _code(function.__code__, seen)
-    yield from _parts((function.__defaults__, function.__kwdefaults__), seen)
-    for cell in function.__closure__ or ():
-        try:
-            yield from _parts(cell.cell_contents, seen)
-        except ValueError:  # a name that has no value yet
-            yield b"empty"
-    for name in sorted(_names_in(function.__code__)):
-        value = function.__globals__.get(name)
-        own = isinstance(value, type | types.FunctionType) and value.__module__ == function.__module__
-        if value is not None and (own or not (callable(value) or isinstance(value, types.ModuleType))):
-            yield name.encode()
-            yield from _parts(value, seen)
-
-
-def _code(code: types.CodeType, seen: dict[int, object]) -> Iterator[bytes]:
-    yield code.co_code
-    yield repr(code.co_names).encode()
-    for constant in code.co_consts:
-        yield from _code(constant, seen) if isinstance(constant, types.CodeType) else _parts(constant, {})
-
-
-def _names_in(code: types.CodeType) -> set[str]:
-    found = set(code.co_names)
-    for constant in code.co_consts:
-        if isinstance(constant, types.CodeType):
-            found |= _names_in(constant)
-    return found
-
-
-def _state(thing: object, seen: dict[int, object]) -> Iterator[bytes]:
-    """What an object holds."""
-    own = getattr(type(thing), "__getstate__", None)
-    if own is not None and own is not getattr(object, "__getstate__", None):
-        yield from _parts(own(thing), seen)
-        return
-    if isinstance(thing, torch.nn.Module):
-        yield from _parts({**thing.state_dict(), "training": thing.training, "text": repr(thing)}, seen)
-    held = dict(getattr(thing, "__dict__", {}))
-    for cls in type(thing).__mro__:
-        slots = vars(cls).get("__slots__", ())
-        for name in (slots,) if isinstance(slots, str) else slots:
-            if inspect.ismemberdescriptor(vars(cls).get(name)) and hasattr(thing, name):
-                held[name] = getattr(thing, name)
-    if isinstance(thing, torch.nn.Module):
-        held = {k: v for k, v in held.items() if not k.startswith("_")}
-    if not held and not hasattr(thing, "__dict__"):
-        yield _pickled(thing)
-    yield from _parts(held, seen)
-
-
-def _pickled(thing: object) -> bytes:
-    """Of an object that shows nothing of itself, what a copy would need."""
-    try:
-        return pickle.dumps(thing)
-    except Exception as error:
-        raise _unknown(thing, error) from None
-
-
-def _unknown(thing: object, why: object) -> MotionKitError:
-    return MotionKitError(
-        f"{type(thing).__name__}: cannot tell whether it is the same as at the last run ({why}); give its class a "
-        "__getstate__ that returns what results depend on"
-    )
-
-
 REAL = "real"  # the row of the test clips themselves
+
+# Methods
 
 
 @dataclass(frozen=True)
@@ -236,16 +59,57 @@ class MethodEntry:
     method: object
     key: str
 
-    def ready(self, train: Dataset) -> object:
+    def fitted(self, train: Dataset) -> object:
         """The method, or where it learns from clips, a copy that has learned from these."""
         if not hasattr(self.method, "fit"):
             return self.method
         try:
-            own = copy.deepcopy(self.method)
-        except Exception:  # something in it cannot be copied: then it is taught itself
-            own = self.method
-        fitted = own.fit(train)
-        return own if fitted is None else fitted
+            method = copy.deepcopy(self.method)
+        except Exception:  # something in it cannot be copied: then it learns itself
+            method = self.method
+        result = method.fit(train)
+        return method if result is None else result
+
+
+def method_entries(methods: object) -> list[MethodEntry]:
+    """The rows that a user named: a name, object or function, a list of such, or a dict from row name to such.
+
+    Raises MotionKitError where a thing is no method, or two rows have one name.
+
+    >>> [entry.name for entry in method_entries(["statistics", print])]
+    ['statistics', 'print']
+    """
+    if isinstance(methods, Mapping):
+        pairs = list(methods.items())
+    else:
+        several = isinstance(methods, Sequence | set) and not isinstance(methods, str)
+        pairs = [(None, method) for method in (methods if several else [methods])]
+    if not pairs:
+        raise MotionKitError("the arena needs methods: names such as 'statistics', or {'mine': my_function}")
+    entries = [_entry(name, method) for name, method in pairs]
+    names = [entry.name for entry in entries]
+    for name in names:
+        if name == REAL or names.count(name) > 1:
+            why = "is the row of the test clips" if name == REAL else "appears twice"
+            raise MotionKitError(f"method name {name!r} {why}; give each a name of its own: {{'mine': method}}")
+    return entries
+
+
+def _entry(name: object, thing: object) -> MethodEntry:
+    method = kit.load(thing) if isinstance(thing, str) else thing
+    stylizes = any(callable(getattr(method, way, None)) for way in ("transfer", "stylize"))
+    if isinstance(method, type) or not (stylizes or callable(method)):
+        hint = f"; make one: {method.__name__}()" if isinstance(method, type) else ""
+        raise MotionKitError(
+            f"{thing!r} is no method{hint}. Give a name ({', '.join(kit.names())}), an object with "
+            "stylize(content, style) or a function (content, style) -> Motion"
+        )
+    if not name and isinstance(thing, str):
+        name = thing
+    name = name or getattr(method, "name", None) or getattr(method, "__name__", None) or type(method).__name__
+    if not isinstance(name, str):
+        raise MotionKitError(f"methods are named by strings, {{'mine': my_function}}; found {name!r}")
+    return MethodEntry(name, method, cache_key(method))
 
 
 def restyle(method: object, content: Clip, style: Clip) -> object:
@@ -260,6 +124,65 @@ def restyle(method: object, content: Clip, style: Clip) -> object:
     if hasattr(method, "stylize"):
         return method.stylize(content.motion, style=style.motion)
     return method(content.motion, style.motion)
+
+
+# Making results
+
+_TASK = 64  # transfers, of one style clip
+
+
+def generate(
+    entry: MethodEntry, train: Dataset, test: Dataset, transfers: Sequence[Transfer], folder: Path, jobs: int | None
+) -> dict[int, str]:
+    """Make those results that are not in the folder yet, or are damaged; returns what failed, number to message."""
+    missing = [n for n, transfer in enumerate(transfers) if not _is_whole(result_path(folder, n), transfer, test)]
+    if not missing:
+        return {}
+    try:
+        method = entry.fitted(train)
+    except Exception as error:
+        return dict.fromkeys(missing, f"fit: {_one_line(error)}")
+    tasks = []
+    for _, numbers in groupby(missing, key=lambda n: transfers[n][1:]):  # of one style clip and repeat
+        numbered = [(n, transfers[n]) for n in numbers]
+        tasks += [numbered[n : n + _TASK] for n in range(0, len(numbered), _TASK)]
+    failures: dict[int, str] = {}
+    for problems in parallel(_generate_task, (method, test, folder), tasks, jobs, entry.name, "transfer"):
+        failures |= problems
+    return failures
+
+
+def _is_whole(path: Path, transfer: Transfer, test: Dataset) -> bool:
+    """Whether a transfer's result is there; a damaged file is removed."""
+    try:
+        _, facts = load(path)
+    except MotionKitError:
+        path.unlink(missing_ok=True)
+        return False
+    return facts["clips"] == [test[transfer.content].name, test[transfer.style].name]
+
+
+def _generate_task(shared: tuple[object, Dataset, Path], task: Sequence[tuple[int, Transfer]]) -> dict[int, str]:
+    """A worker's part. Clips are read anew for each transfer: a method may have changed those that it got."""
+    method, test, folder = shared
+    failures = {}
+    for number, transfer in task:
+        content, style = test[transfer.content], test[transfer.style]
+        original = test[transfer.content].motion
+        names = [content.name, style.name]
+        start = time.perf_counter()
+        try:
+            with seeded(zlib.crc32(" ".join([*names, str(transfer.repeat)]).encode())):
+                result = restyle(method, content, style)
+            problem = find_problem(result, original)
+        except Exception as error:
+            problem = _one_line(error)
+        if problem:
+            failures[number] = problem
+        else:
+            facts = {"clips": names, "seconds": time.perf_counter() - start}
+            save_result(result_path(folder, number), result, original, facts)
+    return failures
 
 
 def find_problem(result: object, content: Motion) -> str:
@@ -285,112 +208,36 @@ def find_problem(result: object, content: Motion) -> str:
     return ""
 
 
-def method_entries(methods: object) -> list[MethodEntry]:
-    """The entrants that a user named: a name, object or function, a list of such, or a dict from row name to such.
+def _one_line(error: BaseException) -> str:
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return text if len(text) <= 300 else text[:297] + "..."
 
-    Raises MotionKitError where a thing is no method, or two rows have one name.
 
-    >>> [entrant.name for entrant in method_entries(["statistics", print])]
-    ['statistics', 'print']
+@contextmanager
+def seeded(seed: int) -> Iterator[None]:
+    """Chance as this seed has it, for torch, numpy and random; what chance was before goes on afterwards.
+
+    >>> with seeded(3):
+    ...     a = torch.rand(1)
+    >>> with seeded(3):
+    ...     a == torch.rand(1)
+    tensor([True])
     """
-    if isinstance(methods, Mapping):
-        pairs = list(methods.items())
-    else:
-        several = isinstance(methods, Sequence | set) and not isinstance(methods, str)
-        pairs = [(None, method) for method in (methods if several else [methods])]
-    if not pairs:
-        raise MotionKitError("the arena needs methods: names such as 'statistics', or {'mine': my_function}")
-    found = [_entrant(name, method) for name, method in pairs]
-    names = [entrant.name for entrant in found]
-    for name in names:
-        if name == REAL or names.count(name) > 1:
-            why = "is the row of the test clips" if name == REAL else "appears twice"
-            raise MotionKitError(f"method name {name!r} {why}; give each a name of its own: {{'mine': method}}")
-    return found
-
-
-def _entrant(name: object, given: object) -> MethodEntry:
-    method = kit.load(given) if isinstance(given, str) else given
-    asked = any(callable(getattr(method, way, None)) for way in ("transfer", "stylize"))
-    if isinstance(method, type) or not (asked or callable(method)):
-        hint = f"; make one: {method.__name__}()" if isinstance(method, type) else ""
-        raise MotionKitError(
-            f"{given!r} is no method{hint}. Give a name ({', '.join(kit.names())}), an object with "
-            "stylize(content, style) or a function (content, style) -> Motion"
-        )
-    name = name or (given if isinstance(given, str) else _name_of(method))
-    if not isinstance(name, str):
-        raise MotionKitError(f"methods are named by strings, {{'mine': my_function}}; found {name!r}")
-    return MethodEntry(name, method, cache_key(method))
-
-
-def _name_of(method: object) -> str:
-    return getattr(method, "name", None) or getattr(method, "__name__", None) or type(method).__name__
-
-
-@dataclass(frozen=True)
-class GroundTruth:
-    """What the performer would have done. sources: clip name to what makes it. folder: where answers are kept."""
-
-    sources: dict[str, performed.ActorSource]
-    folder: Path
-
-    @classmethod
-    def of(cls, dataset: Dataset, folder: Path) -> GroundTruth | None:
-        """The answers for a data set of the performer's, whole or in part; None for any other."""
-        if dataset.name not in performed.TAKES:
-            return None
-        known, found = _items(dataset.name), {}
-        for clip in dataset:
-            item = known.get(clip.name)
-            if item is None or (item.labels.content, item.labels.style) != (clip.content, clip.style):
-                return None
-            found[clip.name] = item.source
-        folder = folder / f"truths-{actor.VERSION}"
-        folder.mkdir(parents=True, exist_ok=True)
-        return cls(found, folder)
-
-    def answer(self, content: Clip, style: str) -> Motion | None:
-        """The exact answer, frame by frame in the content's time; None where the performer knows no such style."""
-        path = self.folder / f"{content.name}--{style}.safetensors"
+    states = random.getstate(), np.random.get_state()
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        np.random.seed(seed % 2**32)
+        random.seed(seed)
         try:
-            return load_result(path, content.motion)[0]
-        except MotionKitError:
-            pass  # not told yet
-        performance = _performance(self.sources[content.name])
-        try:
-            told = retell(performance, style).time_aligned(performance)
-        except MotionKitError:
-            return None
-        if len(told) != len(content):
-            return None
-        save_result(path, told, content.motion, {})
-        return load_result(path, content.motion)[0]
+            yield
+        finally:
+            random.setstate(states[0])
+            np.random.set_state(states[1])
 
 
-@lru_cache(maxsize=4)
-def _items(name: str) -> dict[str, Item]:
-    return {item.name: item for item in performed.items(name)}
+# Keeping them
 
-
-@lru_cache(maxsize=128)
-def _performance(source: performed.ActorSource) -> Performance:
-    return source.perform()
-
-
-def error_against(result: Motion, answer: Motion) -> float:
-    """`metrics.truth_error`, the mean over joints, against an answer that is told already: mm.
-
-    >>> import motionkit as mk
-    >>> walk = mk.load("data/actor/walk_neutral.bvh")
-    >>> error_against(walk.transform(1.0, (2.0, 0.0, 0.0)), walk) < 0.01
-    True
-    """
-    places = (from_own_place(answer, motion.positions()) for motion in (result, answer))
-    return 1000 * float(torch.linalg.vector_norm(torch.sub(*places), dim=-1).mean())
-
-
-FORMAT = 1  # to be raised when files or what is measured become others
+FORMAT = 2  # to be raised when files or what is measured become others
 
 
 def save(path: Path, tensors: Mapping[str, Tensor], facts: Mapping) -> None:
@@ -402,15 +249,17 @@ def save(path: Path, tensors: Mapping[str, Tensor], facts: Mapping) -> None:
     ...     load(Path(folder, "a.safetensors"))
     ({'x': tensor([1., 1.])}, {'seconds': 0.5})
     """
-    plain, text = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}, json.dumps(facts)
-    write_atomic(path, bytes_of(plain, {"facts": text, "checksum": str(_checksum(plain, text))}))
+    tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    text = json.dumps(facts)
+    header = {"facts": text, "checksum": str(_checksum(tensors, text))}
+    write_atomic(path, safetensors.torch.save(tensors, header))
 
 
 def load(path: Path) -> tuple[dict[str, Tensor], dict]:
     """What `save` wrote; MotionKitError where the file is missing or not whole."""
     data = read_bytes(path)
     try:
-        tensors = tensors_of(data)
+        tensors = safetensors.torch.load(data)
         header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])["__metadata__"]
         if int(header["checksum"]) != _checksum(tensors, header["facts"]):
             raise ValueError("its checksum is another")
@@ -420,10 +269,10 @@ def load(path: Path) -> tuple[dict[str, Tensor], dict]:
 
 
 def _checksum(tensors: Mapping[str, Tensor], text: str) -> int:
-    found = zlib.crc32(text.encode())
+    checksum = zlib.crc32(text.encode())
     for name in sorted(tensors):
-        found = zlib.crc32(tensors[name].numpy().tobytes(), found)
-    return found
+        checksum = zlib.crc32(tensors[name].numpy().tobytes(), checksum)
+    return checksum
 
 
 def result_path(folder: Path, number: int) -> Path:
@@ -433,200 +282,348 @@ def result_path(folder: Path, number: int) -> Path:
 
 def save_result(path: Path, result: Motion, content: Motion, facts: Mapping) -> None:
     """Keep a method's result. Of the translations only those of joints that leave the skeleton's offsets."""
-    moves = result.translations.float().cpu()
-    moving = (moves != content.skeleton.offsets.float()).any(-1).any(0).nonzero()[:, 0]
-    tensors = {"rotations": result.rotations.float(), "moving": moving, "translations": moves[:, moving]}
+    translations = result.translations.float().cpu()
+    moving = (translations != content.skeleton.offsets.float()).any(-1).any(0).nonzero()[:, 0]
+    tensors = {"rotations": result.rotations.float(), "moving": moving, "translations": translations[:, moving]}
     save(path, tensors, {"name": result.name, **facts})
 
 
 def load_result(path: Path, content: Motion) -> tuple[Motion, dict]:
     """A kept result, and the facts of its making; MotionKitError where it is missing or damaged."""
     tensors, facts = load(path)
-    turns = tensors["rotations"]
-    moves = content.skeleton.offsets.float().expand(len(turns), -1, -1).clone()
-    moves[:, tensors["moving"]] = tensors["translations"]
-    return Motion(content.skeleton, turns, moves, content.fps, facts["name"], content.metres_per_unit), facts
+    rotations = tensors["rotations"]
+    translations = content.skeleton.offsets.float().expand(len(rotations), -1, -1).clone()
+    translations[:, tensors["moving"]] = tensors["translations"]
+    motion = Motion(content.skeleton, rotations, translations, content.fps, facts["name"], content.metres_per_unit)
+    return motion, facts
 
 
-def state(path: Path) -> tuple[int, int] | None:
-    """Size and time of a file, which change when it is written again; None where there is none."""
-    try:
-        found = os.stat(path)
-    except OSError:
-        return None
-    return found.st_size, found.st_mtime_ns
+# The exact answer
 
 
-_TASK = 64  # transfers, of one style clip
+@dataclass(frozen=True)
+class GroundTruth:
+    """What the performer would have done. sources: clip name to what makes it. folder: where answers are kept."""
 
+    sources: dict[str, performed.ActorSource]
+    folder: Path
 
-def generate(
-    entrant: MethodEntry, train: Dataset, test: Dataset, transfers: Sequence[Transfer], folder: Path, jobs: int | None
-) -> dict[int, str]:
-    """Make those results that are not in the folder yet, or are damaged; returns what failed, number to message."""
-    missing = [n for n, transfer in enumerate(transfers) if not _is_whole(folder, n, transfer, test)]
-    if not missing:
-        return {}
-    failed: dict[int, str] = {}
-    try:
-        method = entrant.ready(train)
-    except Exception as error:
-        return dict.fromkeys(missing, f"fit: {message_of(error)}")
-    tasks = [[(n, transfers[n]) for n in part] for part in chunks(transfers, missing)]
-    for found in parallel(_make, (method, test, folder), tasks, jobs, entrant.name, "transfer"):
-        failed |= found
-    return failed
+    @classmethod
+    def for_dataset(cls, dataset: Dataset, folder: Path) -> GroundTruth | None:
+        """The answers for a data set of the performer's, whole or in part; None for any other."""
+        if dataset.name not in performed.TAKES:
+            return None
+        items, sources = _performed_items(dataset.name), {}
+        for clip in dataset:
+            item = items.get(clip.name)
+            if item is None or (item.labels.content, item.labels.style) != (clip.content, clip.style):
+                return None
+            sources[clip.name] = item.source
+        folder = folder / f"truths-{actor.VERSION}"
+        folder.mkdir(parents=True, exist_ok=True)
+        return cls(sources, folder)
 
-
-def chunks(transfers: Sequence[Transfer], numbers: Sequence[int]) -> Iterator[list[int]]:
-    """Numbers of transfers in pieces, each of one style clip and repeat.
-
-    >>> list(chunks([Transfer(0, 1), Transfer(2, 1), Transfer(1, 0)], range(3)))
-    [[0, 1], [2]]
-    """
-    piece: list[int] = []
-    for n in numbers:
-        if piece and (len(piece) >= _TASK or transfers[n][1:] != transfers[piece[0]][1:]):
-            yield piece
-            piece = []
-        piece.append(n)
-    if piece:
-        yield piece
-
-
-def message_of(error: BaseException) -> str:
-    """An error in one line.
-
-    >>> message_of(KeyError("old"))
-    "KeyError: 'old'"
-    """
-    text = " ".join(f"{type(error).__name__}: {error}".split())
-    return text if len(text) <= 300 else text[:297] + "..."
-
-
-def _is_whole(folder: Path, number: int, transfer: Transfer, test: Dataset) -> bool:
-    path = result_path(folder, number)
-    try:
-        _, facts = load(path)
-    except MotionKitError:
-        path.unlink(missing_ok=True)
-        return False
-    return facts["clips"] == [test[transfer.content].name, test[transfer.style].name]
-
-
-def _make(shared: tuple[object, Dataset, Path], task: Sequence[tuple[int, Transfer]]) -> dict[int, str]:
-    """A worker's piece. Clips are read anew for each transfer: a method may have changed those that it got."""
-    method, test, folder = shared
-    failed = {}
-    for number, transfer in task:
-        content, style = test[transfer.content], test[transfer.style]
-        original = test[transfer.content].motion
-        clips = [content.name, style.name]
-        start = time.perf_counter()
+    def answer(self, content: Clip, style: str) -> Motion | None:
+        """The exact answer, frame by frame in the content's time; None where the performer knows no such style."""
+        path = self.folder / f"{content.name}--{style}.safetensors"
         try:
-            with seeded(zlib.crc32(" ".join([*clips, str(transfer.repeat)]).encode())):
-                result = restyle(method, content, style)
-            problem = find_problem(result, original)
-        except Exception as error:
-            problem = message_of(error)
-        if problem:
-            failed[number] = problem
-            continue
-        facts = {"clips": clips, "seconds": time.perf_counter() - start}
-        save_result(result_path(folder, number), result, original, facts)
-    return failed
+            return load_result(path, content.motion)[0]
+        except MotionKitError:
+            pass  # not performed yet
+        performance = _performance(self.sources[content.name])
+        try:
+            answer = retell(performance, style).time_aligned(performance)
+        except MotionKitError:
+            return None
+        if len(answer) != len(content):
+            return None
+        save_result(path, answer, content.motion, {})
+        return load_result(path, content.motion)[0]
 
 
-SEEN = ("content_scores", "content_features", "style_scores", "style_features", "ae_features")
+@lru_cache(maxsize=4)
+def _performed_items(name: str) -> dict[str, Item]:
+    return {item.name: item for item in performed.items(name)}
+
+
+@lru_cache(maxsize=128)
+def _performance(source: performed.ActorSource) -> Performance:
+    return source.perform()
+
+
+def error_against(result: Motion, answer: Motion) -> float:
+    """`metrics.truth_error`, the mean over joints, against an answer that is there already: mm.
+
+    >>> import motionkit as mk
+    >>> walk = mk.load("data/actor/walk_neutral.bvh")
+    >>> error_against(walk.transform(1.0, (2.0, 0.0, 0.0)), walk) < 0.01
+    True
+    """
+    positions = [canonical_positions(answer, motion.positions()) for motion in (result, answer)]
+    return 1000 * float(torch.linalg.vector_norm(positions[0] - positions[1], dim=-1).mean())
+
+
+# Measuring them
+
+JUDGE_OUTPUTS = ("content_scores", "content_features", "style_scores", "style_features", "ae_features")
 VALUES = ("tsi", "fsf", "fca", "jitter", "truth_error", "seconds")
 _PIECE = 32  # motions a task: enough for the judge to be quick, few enough to keep all cores busy
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """Figures of N motions. seen: what the judge says, by the names in `SEEN`, [N, ...]; values: by those in `VALUES`,
-    [N] float64. NaN where there is nothing. problems: number to message, of those that the judge could not see.
+class Measures:
+    """Figures of N motions, NaN where there is nothing.
+
+    judge_outputs: by the names in `JUDGE_OUTPUTS`, [N, ...]; values: by those in `VALUES`, [N] float64. problems:
+    number to message, of those that the judge could not see.
     """
 
-    seen: dict[str, Tensor]
+    judge_outputs: dict[str, Tensor]
     values: dict[str, Tensor]
     problems: dict[int, str] = field(default_factory=dict)
 
 
+class ContentClip(NamedTuple):
+    """What results are compared with: a motion, its contacts as recorded and as detected (None: no feet), jitter."""
+
+    motion: Motion
+    contacts: Tensor | None
+    detected: Tensor | None
+    jitter: float
+
+
 @dataclass(eq=False)
 class Evaluator:
-    """What measuring needs; workers keep one, with what it has found out about content clips."""
+    """What measuring needs; workers keep one, with what it has worked out about content clips."""
 
     judge: object
     test: Dataset
-    truths: GroundTruth | None = None
+    ground_truth: GroundTruth | None = None
 
     def __post_init__(self) -> None:
-        self._known: dict[int, tuple] = {}
+        self._contents: dict[int, ContentClip] = {}
 
-    def see(self, motions: Sequence[Motion]) -> dict[str, Tensor]:
-        """What the judge sees, by the names in `SEEN`."""
-        found = {}
+    def judge_outputs(self, motions: Sequence[Motion]) -> dict[str, Tensor]:
+        """What the judge says of motions, by the names in `JUDGE_OUTPUTS`."""
+        outputs = {}
         for label in ("content", "style"):
-            both = getattr(self.judge, label).scores_and_features(motions)
-            found |= {f"{label}_{what}": x.float() for what, x in zip(("scores", "features"), both)}
+            scores, features = getattr(self.judge, label).scores_and_features(motions)
+            outputs |= {f"{label}_scores": scores.float(), f"{label}_features": features.float()}
         if getattr(self.judge, "autoencoder", None) is not None:
-            found["ae_features"] = self.judge.autoencoder.features(motions).float()
-        return found
+            outputs["ae_features"] = self.judge.autoencoder.features(motions).float()
+        return outputs
 
-    def see_each(self, motions: Sequence[Motion]) -> tuple[dict[str, Tensor], list[int], dict[int, str]]:
-        """As `see`, but where the judge cannot see a motion, the others' rows, their places, and the complaints."""
+    def judge_each(self, motions: Sequence[Motion]) -> tuple[dict[str, Tensor], list[int], dict[int, str]]:
+        """As `judge_outputs`, of those motions that the judge can see; which these are; the others' complaints."""
         if not motions:
             return {}, [], {}
         try:
-            return self.see(motions), list(range(len(motions))), {}
+            return self.judge_outputs(motions), list(range(len(motions))), {}
         except Exception:
-            rows, places, problems = [], [], {}
+            rows, problems = {}, {}
         for n, motion in enumerate(motions):
             try:
-                rows.append(self.see([motion]))
-                places.append(n)
+                rows[n] = self.judge_outputs([motion])
             except Exception as error:
-                problems[n] = f"judge: {message_of(error)}"
-        return {name: torch.cat([row[name] for row in rows]) for name in (rows[0] if rows else ())}, places, problems
+                problems[n] = f"judge: {_one_line(error)}"
+        names = next(iter(rows.values()), ())
+        return {name: torch.cat([row[name] for row in rows.values()]) for name in names}, list(rows), problems
 
-    def known(self, number: int) -> tuple[Motion, Tensor | None, Tensor | None, float]:
-        """Of a content clip: motion, its contacts as given, as found by the kit, and its jitter."""
-        if number not in self._known:
-            clip, given = self.test[number], None
-            found = _if_any(lambda: foot_contacts(clip.motion), None)
-            if found is not None:
-                given = clip.contacts if clip.contacts.shape == found.shape else found
-            self._known[number] = clip.motion, given, found, _if_any(lambda: metrics.jitter(clip.motion))
-        return self._known[number]
+    def content(self, number: int) -> ContentClip:
+        """What results are compared with, of a content clip."""
+        if number not in self._contents:
+            clip = self.test[number]
+            contacts = detected = _defined(lambda: foot_contacts(clip.motion), None)
+            if detected is not None and clip.contacts.shape == detected.shape:
+                contacts = clip.contacts
+            jitter = _defined(lambda: metrics.jitter(clip.motion))
+            self._contents[number] = ContentClip(clip.motion, contacts, detected, jitter)
+        return self._contents[number]
 
     def values(self, result: Motion, transfer: Transfer) -> dict[str, float]:
         """The figures of one result that need no judge, but the seconds."""
-        content, given, found, tremble = self.known(transfer.content)
-        same = len(result) == len(content)
-        shares = torch.linspace(0, len(result) - 1, len(content), dtype=torch.float64)
-        path = result if same else result.sample(shares)  # at equal shares of either clip
-        answer = None
-        if self.truths is not None and same:
-            answer = self.truths.answer(self.test[transfer.content], self.test[transfer.style].style)
+        content = self.content(transfer.content)
+        same_length = len(result) == len(content.motion)
+        path, contacts = result, content.contacts
+        if not same_length:  # then frames at equal shares of either clip
+            shares = torch.linspace(0, len(result) - 1, len(content.motion), dtype=torch.float64)
+            path, contacts = result.sample(shares), None
         values = {
-            "tsi": _if_any(lambda: metrics.trajectory_similarity(path, content)),
-            "fsf": _if_any(lambda: metrics.foot_sliding_factor(result, given if same else None)),
-            "jitter": _if_any(lambda: metrics.jitter(result)) / tremble if tremble > 0 else math.nan,
+            "tsi": _defined(lambda: metrics.trajectory_similarity(path, content.motion)),
+            "fsf": _defined(lambda: metrics.foot_sliding_factor(result, contacts)),
+            "jitter": _defined(lambda: metrics.jitter(result)) / content.jitter if content.jitter > 0 else math.nan,
         }
-        if same and found is not None:
-            values["fca"] = _if_any(lambda: metrics.foot_contact_accuracy(result, found))
-        if answer is not None:
-            values["truth_error"] = _if_any(lambda: error_against(result, answer))
+        if same_length and content.detected is not None:
+            values["fca"] = _defined(lambda: metrics.foot_contact_accuracy(result, content.detected))
+        if same_length and self.ground_truth is not None:
+            answer = self.ground_truth.answer(self.test[transfer.content], self.test[transfer.style].style)
+            if answer is not None:
+                values["truth_error"] = _defined(lambda: error_against(result, answer))
         return values
 
 
-def _if_any(measure: Callable, otherwise: object = math.nan) -> object:
+def _defined(measure: Callable, otherwise: object = math.nan) -> object:
     """A figure, or nothing where it is not defined: for too few frames, or no feet."""
     try:
         return measure()
     except MotionKitError:
         return otherwise
+
+
+def evaluate(
+    evaluator: Evaluator, transfers: Sequence[Transfer], folder: Path, key: str, jobs: int | None, name: str
+) -> Measures:
+    """Figures of all results in a folder; what was measured before, and not made again since, is read."""
+    pieces = folder / f"measures-{key}"
+    pieces.mkdir(exist_ok=True)
+    tasks = [list(enumerate(transfers[n : n + _PIECE], n)) for n in range(0, len(transfers), _PIECE)]
+    missing = [task for task in tasks if _load_piece(pieces, folder, task) is None]
+    for _ in parallel(_evaluate_task, (evaluator, folder, pieces), missing, jobs, f"measuring {name}", "result"):
+        pass
+    values = torch.full((len(transfers), len(VALUES)), math.nan, dtype=torch.float64)
+    outputs: dict[str, Tensor] = {}
+    problems = {}
+    for task in tasks:
+        tensors, facts = _load_piece(pieces, folder, task)
+        values[tensors["numbers"]] = tensors["values"]
+        problems |= {int(n): problem for n, problem in facts["problems"].items()}
+        for output in JUDGE_OUTPUTS:
+            if output in tensors:
+                rows = outputs.setdefault(output, torch.full((len(transfers), tensors[output].shape[1]), math.nan))
+                rows[tensors["judged"]] = tensors[output]
+    return Measures(outputs, dict(zip(VALUES, values.T)), problems)
+
+
+def _evaluate_task(shared: tuple[Evaluator, Path, Path], task: Sequence[tuple[int, Transfer]]) -> None:
+    """A worker's part: figures of a few results, written as one piece."""
+    evaluator, folder, pieces = shared
+    states, results, rows = _file_states(folder, task), {}, []
+    for number, transfer in task:
+        try:
+            results[number], facts = load_result(
+                result_path(folder, number), evaluator.content(transfer.content).motion
+            )
+        except MotionKitError:
+            continue  # it failed, and is counted
+        values = {**evaluator.values(results[number], transfer), "seconds": facts["seconds"]}
+        rows.append([values.get(name, math.nan) for name in VALUES])
+    numbers = list(results)
+    outputs, places, problems = evaluator.judge_each(list(results.values()))
+    tensors = {
+        "numbers": torch.tensor(numbers, dtype=torch.long),
+        "values": torch.tensor(rows, dtype=torch.float64).reshape(-1, len(VALUES)),
+        "judged": torch.tensor([numbers[place] for place in places], dtype=torch.long),
+        **outputs,
+    }
+    facts = {"states": states, "problems": {numbers[place]: problem for place, problem in problems.items()}}
+    save(_piece_path(pieces, task), tensors, facts)
+
+
+def _piece_path(pieces: Path, task: Sequence[tuple[int, Transfer]]) -> Path:
+    return pieces / f"{task[0][0]:05d}.safetensors"
+
+
+def _load_piece(pieces: Path, folder: Path, task: Sequence) -> tuple[dict[str, Tensor], dict] | None:
+    """A measured piece; None where it is not there, or of other results."""
+    try:
+        tensors, facts = load(_piece_path(pieces, task))
+    except MotionKitError:
+        return None
+    return (tensors, facts) if facts["states"] == _file_states(folder, task) else None
+
+
+def _file_states(folder: Path, task: Sequence[tuple[int, Transfer]]) -> list:
+    """Size and time of each result's file, which change when it is written again; None where there is none."""
+    states = []
+    for number, _ in task:
+        try:
+            status = os.stat(result_path(folder, number))
+            states.append([status.st_size, status.st_mtime_ns])
+        except OSError:
+            states.append(None)
+    return states
+
+
+def evaluate_clips(evaluator: Evaluator, clips: Dataset, path: Path, jobs: int | None) -> Measures:
+    """What the judge says of captured or performed clips, and how much their own feet slide; kept in a file."""
+    if not len(clips):
+        return Measures({}, {"fsf": torch.zeros(0, dtype=torch.float64)})
+    try:
+        outputs, _ = load(path)
+    except MotionKitError:
+        numbers = list(range(len(clips)))
+        tasks = [numbers[n : n + _PIECE] for n in range(0, len(numbers), _PIECE)]
+        parts = list(parallel(_evaluate_clips_task, (evaluator, clips), tasks, jobs, "measuring clips", "clip"))
+        outputs = {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
+        save(path, outputs, {})
+    undefined = torch.full((len(clips),), math.nan, dtype=torch.float64)
+    values = {**dict.fromkeys(VALUES, undefined), "fsf": outputs.pop("fsf")}
+    return Measures(outputs, values)
+
+
+def _evaluate_clips_task(shared: tuple[Evaluator, Dataset], numbers: Sequence[int]) -> dict[str, Tensor]:
+    evaluator, clips = shared
+    sliding = [_defined(lambda n=n: metrics.foot_sliding_factor(clips[n].motion, clips[n].contacts)) for n in numbers]
+    outputs = evaluator.judge_outputs([clips[n].motion for n in numbers])
+    return {**outputs, "fsf": torch.tensor(sliding, dtype=torch.float64)}
+
+
+# Fanning out
+
+_FEW = 24  # up to so many pieces, starting other processes takes longer than doing them
+
+
+def parallel(
+    function: Callable, shared: object, tasks: Sequence[Sequence], jobs: int | None, title: str, unit: str
+) -> Iterator:
+    """What function(shared, task) returns for each task, in order, with a progress bar that counts their pieces.
+
+    jobs: processes; all cores if left out. joblib's settings count: under `joblib.parallel_config("dask")` a cluster
+    works. Raises MotionKitError where a worker dies, or `shared` cannot be sent.
+
+    >>> list(parallel(lambda shared, task: shared + sum(task), 10, [[1, 2], [3]], 1, "adding", "number"))
+    [13, 13]
+    """
+    if jobs is not None and (not isinstance(jobs, int) or isinstance(jobs, bool) or jobs == 0):
+        raise MotionKitError(f"jobs: expected a number of processes, or None for one a core; found {jobs!r}")
+    jobs, pieces = effective_n_jobs(-1 if jobs is None else jobs), sum(map(len, tasks))
+    if jobs == 1 or len(tasks) < 2 or pieces <= _FEW:
+        results = (one_thread()(function)(shared, task) for task in tasks)
+    else:
+        results = _in_processes(function, shared, tasks, jobs)
+    with tqdm(total=pieces, desc=title, unit=unit, leave=False) as progress, warnings.catch_warnings():
+        # loky replaces a worker whose caches have grown, as they are meant to; nothing is lost by it
+        warnings.filterwarnings("ignore", "A worker stopped while some jobs were given")
+        for task, result in zip(tasks, results):
+            progress.update(len(task))
+            yield result
+
+
+def _in_processes(function: Callable, shared: object, tasks: Sequence[Sequence], jobs: int) -> Iterator:
+    try:  # cloudpickle, for what a notebook defines; once, not for each task
+        data = pickle.dumps(wrap_non_picklable_objects(shared, keep_wrapper=False))
+    except Exception as error:
+        raise MotionKitError(f"cannot be sent to other processes ({error}); run the arena with jobs=1") from None
+    try:
+        workers = Parallel(jobs, return_as="generator", pre_dispatch="2*n_jobs", batch_size=1)
+    except ValueError:  # a backend that hands all results over together
+        workers = Parallel(jobs)
+    try:
+        yield from workers(delayed(_in_worker)(function, data, task) for task in tasks)
+    except BrokenProcessPool as error:
+        raise MotionKitError(
+            f"a worker process died ({type(error).__name__}), often because memory ran out. What was done is kept: run "
+            "again, with jobs=1 to use less"
+        ) from None
+
+
+_worker = threading.local()  # what the tasks of a worker share, unpacked once, with the caches that it fills
+
+
+def _in_worker(function: Callable, data: bytes, task: Sequence) -> object:
+    if getattr(_worker, "data", None) != data:
+        _worker.data, _worker.shared = data, pickle.loads(data)
+    return one_thread()(function)(_worker.shared, task)
 
 
 @contextmanager
@@ -646,223 +643,8 @@ def one_thread() -> Iterator[None]:
 
 
 @one_thread()
-def judge_key(bench: Evaluator) -> str:
-    """Changes when what the judge sees in the first clips does."""
-    seen = bench.see([bench.test[n].motion for n in range(min(4, len(bench.test)))])
-    text = [f"{name} {(x.double() * 100).round().long().tolist()}" for name, x in sorted(seen.items())]
+def judge_key(evaluator: Evaluator) -> str:
+    """Changes when what the judge says of the first clips does."""
+    outputs = evaluator.judge_outputs([evaluator.test[n].motion for n in range(min(4, len(evaluator.test)))])
+    text = [f"{name} {(x.double() * 100).round().long().tolist()}" for name, x in sorted(outputs.items())]
     return hashlib.sha256("\n".join(text).encode()).hexdigest()[:12]
-
-
-def evaluate(
-    bench: Evaluator, transfers: Sequence[Transfer], folder: Path, key: str, jobs: int | None, says: str
-) -> Measured:
-    """Figures of all results in a folder; what was measured before, and not made again since, is read."""
-    place = folder / f"measures-{key}"
-    place.mkdir(exist_ok=True)
-    tasks = [list(enumerate(transfers[n : n + _PIECE], n)) for n in range(0, len(transfers), _PIECE)]
-    todo = [task for task in tasks if _read_piece(place, folder, task) is None]
-    for _ in parallel(_measure, (bench, folder, place), todo, jobs, f"measuring {says}", "result"):
-        pass
-    return _joined([_read_piece(place, folder, task) for task in tasks], len(transfers))
-
-
-def _piece_path(place: Path, task: Sequence[tuple[int, Transfer]]) -> Path:
-    return place / f"{task[0][0]:05d}.safetensors"
-
-
-def _states(folder: Path, task: Sequence[tuple[int, Transfer]]) -> list:
-    return [[*found] if (found := state(result_path(folder, n))) else None for n, _ in task]
-
-
-def _read_piece(place: Path, folder: Path, task: Sequence) -> tuple[dict[str, Tensor], dict] | None:
-    """A measured piece; None where it is not there, or of other results."""
-    try:
-        tensors, facts = load(_piece_path(place, task))
-    except MotionKitError:
-        return None
-    return (tensors, facts) if facts["states"] == _states(folder, task) else None
-
-
-def _measure(shared: tuple[Evaluator, Path, Path], task: Sequence[tuple[int, Transfer]]) -> None:
-    """A worker's piece."""
-    bench, folder, place = shared
-    states, results, numbers, rows = _states(folder, task), [], [], []
-    for number, transfer in task:
-        content = bench.known(transfer.content)[0]
-        try:
-            result, facts = load_result(result_path(folder, number), content)
-        except MotionKitError:
-            continue  # it failed, and is counted
-        found = {**bench.values(result, transfer), "seconds": facts["seconds"]}
-        rows.append([found.get(name, math.nan) for name in VALUES])
-        results.append(result)
-        numbers.append(number)
-    seen, places, problems = bench.see_each(results)
-    tensors = {
-        "numbers": torch.tensor(numbers, dtype=torch.long),
-        "values": torch.tensor(rows, dtype=torch.float64).reshape(-1, len(VALUES)),
-        "seen": torch.tensor([numbers[p] for p in places], dtype=torch.long),
-        **seen,
-    }
-    save(
-        _piece_path(place, task), tensors, {"states": states, "problems": {numbers[n]: p for n, p in problems.items()}}
-    )
-
-
-def _joined(pieces: Sequence[tuple[dict[str, Tensor], dict]], count: int) -> Measured:
-    values = torch.full((count, len(VALUES)), math.nan, dtype=torch.float64)
-    seen: dict[str, Tensor] = {}
-    problems = {}
-    for tensors, facts in pieces:
-        values[tensors["numbers"]] = tensors["values"]
-        problems |= {int(n): problem for n, problem in facts["problems"].items()}
-        for name in SEEN:
-            if name in tensors:
-                rows = seen.setdefault(name, torch.full((count, tensors[name].shape[1]), math.nan))
-                rows[tensors["seen"]] = tensors[name]
-    return Measured(seen, dict(zip(VALUES, values.T)), problems)
-
-
-def evaluate_clips(bench: Evaluator, clips: Dataset, folder: Path, key: str, jobs: int | None) -> Measured:
-    """What the judge sees in captured or performed clips, and how much their own feet slide."""
-    if not len(clips):
-        return Measured({}, {"fsf": torch.zeros(0, dtype=torch.float64)})
-    path = folder / f"clips-{key}.safetensors"
-    try:
-        tensors, _ = load(path)
-    except MotionKitError:
-        numbers = list(range(len(clips)))
-        tasks = [numbers[n : n + _PIECE] for n in range(0, len(numbers), _PIECE)]
-        parts = list(parallel(_measure_clips, (bench, clips), tasks, jobs, "measuring clips", "clip"))
-        tensors = {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
-        save(path, tensors, {})
-    nothing = torch.full((len(clips),), math.nan, dtype=torch.float64)
-    values = {name: tensors["fsf"] if name == "fsf" else nothing for name in VALUES}
-    return Measured({name: x for name, x in tensors.items() if name != "fsf"}, values)
-
-
-def _measure_clips(shared: tuple[Evaluator, Dataset], numbers: Sequence[int]) -> dict[str, Tensor]:
-    bench, clips = shared
-    found = bench.see([clips[n].motion for n in numbers])
-    sliding = [_if_any(lambda n=n: metrics.foot_sliding_factor(clips[n].motion, clips[n].contacts)) for n in numbers]
-    return {**found, "fsf": torch.tensor(sliding, dtype=torch.float64)}
-
-
-_FEW = 24  # up to so many pieces, starting other processes takes longer than doing them
-
-
-class Shared:
-    """Something that many tasks need. A worker unpacks it once and keeps it, with the caches that it fills.
-
-    >>> import pickle
-    >>> both = pickle.loads(pickle.dumps(Shared([1]))), pickle.loads(pickle.dumps(Shared([2])))
-    >>> [shared.value for shared in both]
-    [[1], [2]]
-    """
-
-    def __init__(self, value: object) -> None:
-        self.value, self._token, self._data = value, uuid4().hex, None
-
-    def __reduce__(self) -> tuple:
-        from joblib import wrap_non_picklable_objects  # cloudpickle, for what a notebook defines
-
-        if self._data is None:
-            try:
-                self._data = pickle.dumps(wrap_non_picklable_objects(self.value, keep_wrapper=False))
-            except Exception as error:
-                raise MotionKitError(
-                    f"cannot be sent to other processes ({error}); run the arena with jobs=1"
-                ) from None
-        return _unpack, (self._token, self._data)
-
-
-_here = local()  # of each thread of a worker
-
-
-def _unpack(token: str, data: bytes) -> Shared:
-    kept = _here.__dict__.setdefault("kept", OrderedDict())
-    if token not in kept:
-        while len(kept) >= 2:
-            kept.popitem(last=False)
-        kept[token] = Shared(pickle.loads(data))
-    return kept[token]
-
-
-def parallel(
-    function: Callable, shared: object, tasks: Sequence[Sequence], jobs: int | None, says: str, unit: str
-) -> Iterator:
-    """What function(shared, task) returns for each task, in order, with a progress bar that counts their pieces.
-
-    jobs: processes; all cores if left out. joblib's settings count: under `joblib.parallel_config("dask")` a cluster
-    works. Raises MotionKitError where a worker dies, or `shared` cannot be sent.
-
-    >>> list(parallel(lambda shared, task: shared + sum(task), 10, [[1, 2], [3]], 1, "adding", "number"))
-    [13, 13]
-    """
-    from joblib import cpu_count, effective_n_jobs
-    from tqdm.auto import tqdm
-
-    if jobs is not None and (not isinstance(jobs, int) or isinstance(jobs, bool) or jobs == 0):
-        raise MotionKitError(f"jobs: expected a number of processes, or None for one a core; found {jobs!r}")
-    pieces = sum(map(len, tasks))
-    jobs = cpu_count() if jobs is None else jobs
-    alone = len(tasks) < 2 or pieces <= _FEW or effective_n_jobs(jobs) == 1
-    done = (_alone(function, shared, task) for task in tasks) if alone else _parallel(function, shared, tasks, jobs)
-    with tqdm(total=pieces, desc=says, unit=unit, leave=False) as progress, warnings.catch_warnings():
-        # loky replaces a worker whose caches have grown, as they are meant to; nothing is lost by it
-        warnings.filterwarnings("ignore", "A worker stopped while some jobs were given")
-        for task, found in zip(tasks, done):
-            progress.update(len(task))
-            yield found
-
-
-def _parallel(function: Callable, shared: object, tasks: Sequence, jobs: int) -> Iterator:
-    from joblib import Parallel, delayed, effective_n_jobs
-
-    sent = Shared(shared)
-    calls = [delayed(_call)(function, sent, task) for task in tasks]
-    try:
-        try:
-            parallel = Parallel(jobs, return_as="generator", pre_dispatch="2*n_jobs", batch_size=1)
-        except ValueError:  # Dask hands results over together: a few rounds, so that progress shows
-            parallel, size = Parallel(jobs), 4 * effective_n_jobs(jobs)
-            for n in range(0, len(calls), size):
-                yield from parallel(calls[n : n + size])
-            return
-        yield from parallel(calls)
-    except BrokenProcessPool as error:
-        raise MotionKitError(
-            f"a worker process died ({type(error).__name__}), often because memory ran out. What was done is kept: run "
-            "again, with jobs=1 to use less"
-        ) from None
-
-
-def _call(function: Callable, sent: Shared, task: Sequence) -> object:
-    return _alone(function, sent.value, task)
-
-
-def _alone(function: Callable, shared: object, task: Sequence) -> object:
-    with one_thread():  # one process a core
-        return function(shared, task)
-
-
-@contextmanager
-def seeded(seed: int) -> Iterator[None]:
-    """Chance as this seed has it, for torch, numpy and random; what chance was before goes on afterwards.
-
-    >>> with seeded(3):
-    ...     a = torch.rand(1)
-    >>> with seeded(3):
-    ...     a == torch.rand(1)
-    tensor([True])
-    """
-    before = random.getstate(), np.random.get_state()
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        np.random.seed(seed % 2**32)
-        random.seed(seed)
-        try:
-            yield
-        finally:
-            random.setstate(before[0])
-            np.random.set_state(before[1])
