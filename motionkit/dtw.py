@@ -150,7 +150,7 @@ def gaussian_smooth(curves: Tensor, sigma: float) -> Tensor:
     return torch.nn.functional.conv1d(padded, (weights / weights.sum())[None, None])[:, 0].T
 
 
-def pose_velocity_features(motion: Motion, centred: bool = True) -> Tensor:
+def pose_velocity_features(motion: Motion, *, centred: bool = True) -> Tensor:
     """What frames are compared by, [F, 6J]: places and speeds of joints seen from the body, in shares of its height.
 
     centred: for alignment, each place is taken from its mean over the clip and all is scaled to mean square 1, since

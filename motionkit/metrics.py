@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -18,9 +18,6 @@ from .contacts import foot_contacts, foot_sliding
 from .errors import MotionKitError, motion_inside
 from .motion import Motion, facing_of
 from .text import similarity
-
-if TYPE_CHECKING:
-    from .actor import Performance
 
 # Checks
 
@@ -334,11 +331,12 @@ def foot_contact_accuracy(result: Motion, contacts: Tensor) -> float:
 
 
 def truth_error(
-    result: Motion, truth: Performance, content: Performance, *, beats: Tensor | None = None, world: bool = False
+    result: Motion, truth: object, content: object, *, beats: Tensor | None = None, world: bool = False
 ) -> Tensor:
     """How far a style transfer's result is from the exact answer: mm for each joint [J], the mean over frames.
 
-    result: what a method made of `content.motion`; truth: `retell(content, style)`. Frame by frame they are compared at
+    truth, content: of the performer, `actor.retell(content, style)` and `actor.perform`; result: what a method made of
+    `content.motion`. Frame by frame they are compared at
     the same beat of the score. A method that keeps the content's timing needs no more; one with a timing of its own
     says with `beats` [F] at which beat each of its frames is. Each pose is seen from its own place on the ground and
     facing; world: compare places in the world instead. Joints are matched by name, in the truth's order.

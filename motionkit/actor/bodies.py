@@ -170,7 +170,7 @@ class Species:
         return (*self.gaits, "idle", *self.actions)
 
 
-def mirrored(name: str, to_right: bool = True) -> str:
+def mirrored(name: str, *, to_right: bool = True) -> str:
     """The name of the joint on the other side; the same name on the midline.
 
     >>> mirrored("LeftHock"), mirrored("hip_L"), mirrored("Chest")

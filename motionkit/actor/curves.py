@@ -72,7 +72,7 @@ class PoseContext:
         """Share of a cycle in which a foot stands, [F]."""
         return WALK_DUTY + (RUN_DUTY - WALK_DUTY) * self.running
 
-    def wave(self, late: float | Tensor = 0.0, double: bool = False) -> Tensor:
+    def wave(self, late: float | Tensor = 0.0, *, double: bool = False) -> Tensor:
         """+1 where the left foot lands, -1 where the right does; double: +1 at every landing. late: beats behind."""
         return torch.cos((2 if double else 1) * math.pi * (self.beats - late))
 

@@ -116,7 +116,7 @@ def motion_from_local(
 
 
 def motion_from_positions(
-    positions: Tensor, skeleton: Skeleton, fps: float, keep_lengths: bool = True, name: str = ""
+    positions: Tensor, skeleton: Skeleton, fps: float, *, keep_lengths: bool = True, name: str = ""
 ) -> Motion:
     """A motion whose joints stand at `positions` [F, J, 3] (metres, in the skeleton's order).
 

@@ -226,7 +226,7 @@ class Filter:
     bias: Tensor
 
     @classmethod
-    def learned(cls, pairs: list[Pair], back: bool, dims: int, ridge: float) -> Filter:
+    def learned(cls, pairs: list[Pair], dims: int, ridge: float, *, back: bool) -> Filter:
         """By ridge regression from aligned pairs; back: from styled to neutral.
 
         ridge: the penalty on weights, as a share of the variance of what goes in. The bias has none, so with an
@@ -338,7 +338,7 @@ class Linear(StyleTransfer):
         alike = same_rest(pairs[0].styled.skeleton, body.skeleton)  # then it serves bodies of all sizes
         key = (*key, back, None if alike else rest_key(body.skeleton))
         return self._filters.get(
-            key, lambda: Filter.learned([p.like(body) for p in pairs], back, self.dims, self.ridge)
+            key, lambda: Filter.learned([p.like(body) for p in pairs], self.dims, self.ridge, back=back)
         )
 
     def _pairs_of(self, label: str, body: Motion) -> list[Pair]:

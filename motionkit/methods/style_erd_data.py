@@ -46,7 +46,7 @@ class Windows:
     num_captured: int
 
     @classmethod
-    def of(cls, data: Dataset, fps: float, frames: int = WINDOW, paired: bool = False) -> Windows:
+    def of(cls, data: Dataset, fps: float, frames: int = WINDOW, *, paired: bool = False) -> Windows:
         """All windows of all clips; MotionKitError where no style is neutral, or no clip is long enough.
 
         paired: and windows of the neutral clip that comes nearest to each styled one, in its time.

@@ -460,7 +460,7 @@ def clip(model: str) -> Pretrained:
     package = _package(name, "transformers", "pip install -e .[text]")
     with _loading(name):
 
-        def load(where: str, local: bool) -> tuple[Any, Any, Any]:
+        def load(where: str, *, local: bool) -> tuple[Any, Any, Any]:
             make = package.CLIPTextModelWithProjection.from_pretrained
             return *make(
                 where, local_files_only=local, output_loading_info=True
@@ -534,7 +534,7 @@ def _place(name: str, model: str) -> str:
 def _local_first(where: str, load: Callable[[str, bool], Any]) -> Any:
     """What is loaded from disk (a folder, or the cache of what was downloaded before) or else from the network."""
     try:
-        return load(where, True)
+        return load(where, local=True)
     except (OSError, ValueError):
         if Path(where).is_dir():
             raise
@@ -546,7 +546,7 @@ def _local_first(where: str, load: Callable[[str, bool], Any]) -> Any:
             get_session().head(constants.ENDPOINT, timeout=5)
         except Exception as error:  # of whichever client it uses
             raise OSError("it is not on disk, and the network cannot be reached") from error
-    return load(where, False)
+    return load(where, local=False)
 
 
 def _package(name: str, module: str, how: str) -> Any:

@@ -108,10 +108,10 @@ def figures(motions: object, *, roles: Sequence | None = None, layout: str = "si
     if layout not in LAYOUTS:
         raise MotionKitError(f"layout {layout!r}: expected one of {', '.join(LAYOUTS)}")
     roles = per_motion(roles, len(shown), "roles")
-    placed = [_figure(m, role, n) for n, (m, role) in enumerate(zip(shown, roles))]
+    bodies = [_figure(m, role, n) for n, (m, role) in enumerate(zip(shown, roles))]
     if layout == "treadmill":
-        placed = [_on_a_treadmill(figure) for figure in placed]
-    return _beside(placed) if layout != "overlay" and len(placed) > 1 else placed
+        bodies = [_on_a_treadmill(figure) for figure in bodies]
+    return _beside(bodies) if layout != "overlay" and len(bodies) > 1 else bodies
 
 
 def _figure(motion: object, role: str | None, index: int) -> Figure:
@@ -217,19 +217,19 @@ def _on_a_treadmill(figure: Figure) -> Figure:
     return replace(figure, points=(figure.points - smooth[:, None]).astype(np.float32))
 
 
-def _beside(placed: list[Figure]) -> list[Figure]:
+def _beside(bodies: list[Figure]) -> list[Figure]:
     """Figures moved so that they start on one line, a distance apart that follows from how wide they move."""
-    across = placed[0].left
+    across = bodies[0].left
     widths = []
-    for f in placed:
+    for f in bodies:
         sideways = f.points[:, f.drawn] @ across
         widths.append(float(np.clip(sideways.max() - sideways.min(), 0.62 * f.size, 1.15 * f.size)))
     step = 1.12 * max(widths)
     moved = []
-    for n, f in enumerate(placed):
+    for n, f in enumerate(bodies):
         start = f.points[0, f.drawn].mean(axis=0) * np.float32([1, 0, 1])
         # The first stands at the left of a viewer who faces it, which is at its own right hand.
-        place = across * np.float32(step * (n - (len(placed) - 1) / 2))
+        place = across * np.float32(step * (n - (len(bodies) - 1) / 2))
         moved.append(replace(f, points=f.points - start + place))
     return moved
 

@@ -289,7 +289,7 @@ def plot_curves(
     return picture
 
 
-def style_axes(ax: object, legend: bool = False) -> None:
+def style_axes(ax: object, *, legend: bool = False) -> None:
     """Gives matplotlib axes the kit's look: light grid, no box, soft ink."""
     ax.grid(True, color="#e6e9ee", lw=0.8)
     ax.set_axisbelow(True)
