@@ -12,7 +12,7 @@ from motionkit.contacts import foot_contacts, foot_sliding
 from motionkit.datasets import Item, Labels
 from motionkit.datasets.loading import from_items
 from motionkit.datasets.performed import ActorSource
-from motionkit.methods.base import match_root_speed, velocity_factor
+from motionkit.methods.base import Example, match_root_speed, velocity_factor
 from motionkit.methods.neutral_pairs import NeutralPairs, add_pose_difference, pose_difference
 from motionkit.metrics import jitter, truth_error
 
@@ -69,7 +69,7 @@ def errors(method, pairs):
     for content, style in pairs:
         before = performance(content)
         answer = actor.retell(before, style.style)
-        result = method.transfer(content, style)
+        result = method.stylize(content, style)
         found.append([float(truth_error(m, answer, before).mean()) for m in (result, before.motion)])
     return torch.tensor(found).mean(0).tolist()
 
@@ -94,7 +94,7 @@ def test_results_are_sound(name, learned, test_clips):
     method = learned[name]
     for content, style in ((("walk", "neutral"), ("walk", "old")), (("jump", "old"), ("wave", "proud"))):
         content, style = one(test_clips, *content), one(test_clips, *style)
-        out, given = method.transfer(content, style), content.motion
+        out, given = method.stylize(content, style), content.motion
         assert len(out) == len(given) and out.fps == given.fps and out.skeleton is given.skeleton
         assert out.name == f"{content.name} as {style.name}"
         assert (out.root_path()[0] - given.root_path()[0]).norm() < 0.02
@@ -107,7 +107,8 @@ def test_results_are_sound(name, learned, test_clips):
 def test_strength_goes_from_the_content_to_the_style(name, learned, test_clips):
     method, content = learned[name], one(test_clips, "walk", "neutral").motion
     style = one(test_clips, "walk", "old").motion
-    out = [method.stylize(content, style=style, strength=s, style_content="walk") for s in (0, 0.5, 1.0)]
+    given = Example(style, Labels("walk"))
+    out = [method.stylize(content, style=given, strength=s) for s in (0, 0.5, 1.0)]
     far = [float((m.positions() - content.positions()).norm(dim=-1).mean()) for m in out]
     assert far[0] == 0 < far[1] < far[2]
 
@@ -115,7 +116,7 @@ def test_strength_goes_from_the_content_to_the_style(name, learned, test_clips):
 @pytest.mark.parametrize("name", LEARNED)
 def test_neutral_as_neutral_stays_as_it_is(name, learned, test_clips):
     content, style = one(test_clips, "walk", "neutral"), one(test_clips, "jump", "neutral")
-    out = learned[name].transfer(content, style)
+    out = learned[name].stylize(content, style)
     assert (out.positions() - content.motion.positions()).norm(dim=-1).mean() < 0.005
 
 
@@ -123,8 +124,8 @@ def test_neutral_as_neutral_stays_as_it_is(name, learned, test_clips):
 def test_methods_travel_to_other_processes(name, learned, test_clips):
     method = learned[name]
     content, style = one(test_clips, "walk", "old"), one(test_clips, "jump", "proud")
-    here = method.transfer(content, style)
-    there = pickle.loads(pickle.dumps(method)).transfer(content, style)
+    here = method.stylize(content, style)
+    there = pickle.loads(pickle.dumps(method)).stylize(content, style)
     assert torch.equal(here.rotations, there.rotations) and torch.equal(here.translations, there.translations)
 
 
@@ -182,7 +183,7 @@ def test_linear_takes_a_label_or_learns_from_one_clip(learned, test_clips):
     old = one(test_clips, "walk", "old").motion
     by_label, by_clip = (
         method.stylize(content.motion, style="old"),
-        method.stylize(content.motion, style=old, style_content="walk"),
+        method.stylize(content.motion, style=Example(old, Labels("walk"))),
     )
     before = performance(content)
     answer = actor.retell(before, "old")
@@ -221,7 +222,7 @@ def test_libraries_that_will_not_do_are_named(library, test_clips):
         mk.methods.load("linear", library=library.split())
     method, walk = mk.methods.load("knn-dtw", library=library), one(test_clips, "walk", "old").motion
     with pytest.raises(mk.MotionKitError, match="knows no content 'wlak'; it has jump, walk, wave"):
-        method.stylize(walk, style=walk, style_content="wlak")
+        method.stylize(walk, style=Example(walk, Labels("wlak")))
     dog = mk.load("data/actor/dog_trot_neutral.bvh")
     with pytest.raises(mk.MotionKitError, match="give a library of such bodies"):
         method.stylize(dog, style=dog)
@@ -251,6 +252,6 @@ def test_captures_take_styles_from_another_rig(name, captures_dir, learned, test
 def test_captures_with_a_library_of_captures(name, captures_dir):
     library = mk.datasets.load("bandai-2", root=captures_dir)
     content, style = one(library, "walk", "normal"), one(library, "raise-up-both-hands", "elderly")
-    out = mk.methods.load(name).fit(library).transfer(content, style)
+    out = mk.methods.load(name).fit(library).stylize(content, style)
     assert jitter(out) < 2 * jitter(content.motion)
     assert foot_sliding(out, foot_contacts(content.motion)) < 1.5

@@ -74,7 +74,7 @@ def test_it_learns_two_gestures_by_heart():
     t = torch.linspace(0, 6, 32)
     x, y = 0.1 * torch.randn(16, 3, 32, 22), torch.arange(16) % 2
     x[:, 1, :, 20] += torch.where(y[:, None] == 0, torch.sin(2 * t), torch.sin(4 * t))
-    loss_fn = lambda net, _: torch.nn.functional.cross_entropy(net(x), y)  # noqa: E731
-    losses = mk.training.fit(net, loss_fn, mk.training.TrainConfig(60, rate=1e-2), title="").losses
+    loss_fn = lambda net, batch: torch.nn.functional.cross_entropy(net(batch[0]), batch[1])  # noqa: E731
+    losses = mk.training.fit(net, lambda step: (x, y), loss_fn, mk.training.TrainConfig(60, lr=1e-2), title="").losses
     assert losses[-1] < 0.1 * losses[0]
     assert (net(x).argmax(1) == y).all()

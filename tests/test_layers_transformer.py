@@ -157,7 +157,8 @@ def test_the_discriminator_has_the_priors_embedding_and_leaves_it():
     assert torch.equal(dis.embedding(x), prior.embedding(x))
     start = {name: p.detach().clone() for name, p in dis.named_parameters()}
     text = some(4, 16)
-    fit(dis, lambda model, _: semantic_loss(model(x), text), TrainConfig(5, decay=0.1, average=0.9), title="")
+    config = TrainConfig(5, weight_decay=0.1, ema=0.9)
+    fit(dis, lambda step: (x, text), lambda model, batch: semantic_loss(model(batch[0]), batch[1]), config, title="")
     moved = {name for name, p in dis.named_parameters() if not torch.equal(p, start[name])}
     assert moved == {name for name in start if not name.startswith("embedding.")}
     assert torch.equal(dis.embedding(x), prior.embedding(x)) and prior.embedding.linear.weight.requires_grad
@@ -183,10 +184,10 @@ def test_a_denoiser_overfits_one_clip():
     torch.manual_seed(0)
     network, noise = Denoiser(x.shape[2], 4, TINY), NoiseSchedule.cosine(50)
 
-    def loss_fn(model: nn.Module, step: int) -> torch.Tensor:
-        return simple_loss(lambda noisy, t: model(noisy, t, torch.zeros(8, 4)), x, noise)
+    def loss_fn(model: nn.Module, batch: torch.Tensor) -> torch.Tensor:
+        return simple_loss(lambda noisy, t: model(noisy, t, torch.zeros(8, 4)), batch, noise)
 
-    run = fit(network, loss_fn, TrainConfig(150, rate=6e-3), title="")
+    run = fit(network, lambda step: x, loss_fn, TrainConfig(150, lr=6e-3), title="")
     assert sum(run.losses[-10:]) < 0.1 * sum(run.losses[:10])
 
 

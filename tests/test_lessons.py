@@ -307,16 +307,6 @@ def test_the_solutions_are_right(path, capsys):
     assert capsys.readouterr().out.count(": right.") == len(asked)
 
 
-def test_the_kit_never_imports_its_lessons():
-    for path in (ROOT / "motionkit").rglob("*.py"):
-        if "lessons" in path.parts:
-            continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            named = [getattr(node, "module", None) or "", *(alias.name for alias in getattr(node, "names", []) or [])]
-            if isinstance(node, ast.Import | ast.ImportFrom):
-                assert not any("lessons" in name.split(".") for name in named), f"{path}, line {node.lineno}"
-
-
 def test_a_check_loads_no_other_lesson():
     code = "import motionkit as mk, sys; mk.exercises.names(); mk.exercises.check('residual_mix', print); " + (
         "print([name for name in sys.modules if name.startswith('motionkit.lessons.')])"
