@@ -3,7 +3,8 @@
     python tools/try_notebooks.py [NOTEBOOK ...]        (all of notebooks/ when none is named)
 
 Any cell that raises fails; cells marked `# NBVAL_CHECK_OUTPUT` must print again what is saved. The budgets
-of time and memory hold too; a laptop may be slow, so outside CI the time may be twice the budget.
+of memory and time hold too; a busy laptop may be slow, so a time over the budget is said, and fails only in CI
+(where the variable `CI` is set).
 """
 
 import os
@@ -28,17 +29,19 @@ def run_one(path: Path) -> list[str]:
     budget = time_budget(path)
     before, start = largest_child(), time.monotonic()
     command = [sys.executable, "-m", "pytest", "-q", "-x", "--nbval-lax", "--nbval-current-env"]
-    command += [f"--nbval-cell-timeout={2 * budget}", "-p", "no:cacheprovider", "--no-header", str(path)]
+    limit = 2 * budget if os.environ.get("CI") else 20 * budget  # seconds after which it hangs
+    command += [f"--nbval-cell-timeout={limit}", "-p", "no:cacheprovider", "--no-header", str(path)]
     try:
-        result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=2 * budget + 30)
+        result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=limit + 30)
         failed, log = result.returncode != 0, result.stdout + result.stderr
     except subprocess.TimeoutExpired:
-        failed, log = True, f"still running after {2 * budget + 30} s; stopped"
+        failed, log = True, f"still running after {limit + 30} s; stopped"
     seconds, held = time.monotonic() - start, largest_child()
-    print(f"{path.name}: {seconds:.0f} s of {budget} s", end="", flush=True)
+    slow = seconds > budget
+    print(f"{path.name}: {seconds:.0f} s of {budget} s{' (more than it should)' if slow else ''}", end="", flush=True)
     print(f", {held / 1e9:.1f} GB at most so far" if not failed else f": FAILED\n{log}", flush=True)
     faults = ["a cell failed"] if failed else []
-    if seconds > (budget if os.environ.get("CI") else 2 * budget):
+    if slow and os.environ.get("CI"):
         faults.append(f"took {seconds:.0f} s, budget {budget} s")
     if held > max(before, MAX_KERNEL_BYTES):
         faults.append(f"held {held / 1e9:.1f} GB, budget {MAX_KERNEL_BYTES / 1e9:.0f} GB")
