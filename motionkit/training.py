@@ -224,8 +224,8 @@ def _detached(generated: object) -> object:
 def to_device(batch: object, device: torch.device | str) -> object:
     """A batch with all its tensors on a device: the one place where data move.
 
-    Tensors in dicts, lists, tuples and dataclasses are found; what has a `to` of its own, such as `datasets.Batch`, goes
-    by that; anything else stays as it is.
+    Tensors in dicts, lists, tuples and dataclasses are found; what has a `to` of its own, such as `datasets.Batch`,
+    goes by that; anything else stays as it is.
 
     >>> to_device({"x": torch.ones(2), "names": ["walk"]}, "cpu")
     {'x': tensor([1., 1.]), 'names': ['walk']}
@@ -347,6 +347,7 @@ class _Training:
             for model, own, home in zip(self.models, self._own, self._homes):
                 self._accelerator.unwrap_model(model, keep_fp32_wrapper=False)  # or it would stay in mixed precision
                 own.to(home).eval()
+                vars(own).pop("_is_accelerate_prepared", None)  # or a second training would leave it where it is
             for part in self._frozen:
                 part.to(self._homes[0])
         if kind is not None and issubclass(kind, _NotFinite):
