@@ -22,7 +22,7 @@ def together(folder: Path, rank: int, said: dict) -> None:
     net, shown = a_net(), []
     config = replace(MEAN, save_every=0.0)
     run = fit(net, a_batch, a_loss, config, resume=folder / f"kept-by-{rank}.run", title=f"bar of {rank}",
-              callback=lambda step, _: shown.append(sorted(path.name for path in folder.glob("kept-by-*"))))  # fmt: skip
+              callback=lambda *_: shown.append(sorted(path.name for path in folder.glob("kept-by-*"))))  # fmt: skip
     said.update(losses=run.losses, shown=len(shown), files=shown[-1] if shown else [])
     save_file(net.state_dict(), folder / f"together-{rank}.safetensors")
 
