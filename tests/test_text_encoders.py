@@ -185,7 +185,7 @@ class Lengths(TextEncoder):
     name, size, key, batch = "lengths", 2, "k" * 64, 1
     def embed(self, texts):
         return torch.tensor([[float(len(t)), float(ord(t[0]))] for t in texts])
-kept = Remembered(Lengths())
+kept = CachedEncoder(Lengths())
 for n in range(40):
     text = sys.argv[1] * (n + 1)
     assert kept.encode([text]).tolist() == [[float(len(text)), float(ord(text[0]))]]
