@@ -13,6 +13,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -51,7 +52,7 @@ class TrainConfig:
     ema: float = 0.0
     critic_lr_ratio: float = 1.0
     signature: str = ""
-    save_every: float = 30.0
+    save_every: float = field(default=30.0, repr=False)  # no part of what a kept run must agree in
 
     def __post_init__(self) -> None:
         if not (self.steps >= 1 and self.lr > 0 and self.grad_clip > 0 and 0 <= self.ema < 1):
@@ -192,16 +193,28 @@ def fit_adversarial(
         generator, critic = training.models
         for step in training.steps():
             batch = training.batch(draw, step)
-            critic.requires_grad_(False)
-            with training.autocast():
-                loss, generated = generator_loss(generator, critic, batch)
-            training.backward(loss, 0)
-            critic.requires_grad_(True)
+            with _without_gradients(critic):
+                with training.autocast():
+                    loss, generated = generator_loss(generator, critic, batch)
+                training.backward(loss, 0)
             with training.autocast():
                 loss = critic_loss(critic, _detached(generated), batch)
             training.backward(loss, 1)
             training.update()
     return training.run
+
+
+@contextmanager
+def _without_gradients(model: nn.Module) -> Iterator[None]:
+    """A model whose weights get none; afterwards those that were trained are so again, whatever happened."""
+    trained = [weight for weight in model.parameters() if weight.requires_grad]
+    for weight in trained:
+        weight.requires_grad_(False)
+    try:
+        yield
+    finally:
+        for weight in trained:
+            weight.requires_grad_(True)
 
 
 def _detached(generated: object) -> object:
@@ -211,12 +224,13 @@ def _detached(generated: object) -> object:
 def to_device(batch: object, device: torch.device | str) -> object:
     """A batch with all its tensors on a device: the one place where data move.
 
-    Tensors in dicts, lists, tuples and dataclasses are found; anything else stays as it is.
+    Tensors in dicts, lists, tuples and dataclasses are found; what has a `to` of its own, such as `datasets.Batch`,
+    goes by that; anything else stays as it is.
 
     >>> to_device({"x": torch.ones(2), "names": ["walk"]}, "cpu")
     {'x': tensor([1., 1.]), 'names': ['walk']}
     """
-    if isinstance(batch, Tensor):
+    if hasattr(batch, "to"):
         return batch.to(device)
     if isinstance(batch, Mapping):
         return {name: to_device(value, device) for name, value in batch.items()}
@@ -243,7 +257,8 @@ class _Training:
         self.run, self._batch = Run(), None
         self._whole, self._undo = True, []  # whether no step is half done; the buffers before the present step
         self._own, self._homes = models, [device_of(model) for model in models]
-        self._frozen = [loss for loss in losses if isinstance(loss, nn.Module)]
+        owners = [getattr(loss, "__self__", loss) for loss in losses]  # of a module, or of a method of one
+        self._frozen = [owner for owner in owners if isinstance(owner, nn.Module)]
         cpu = _on_cpu()
         precision = "no" if cpu or not torch.cuda.is_available() else "bf16"
         self._accelerator = Accelerator(mixed_precision=precision, cpu=cpu)
@@ -332,6 +347,7 @@ class _Training:
             for model, own, home in zip(self.models, self._own, self._homes):
                 self._accelerator.unwrap_model(model, keep_fp32_wrapper=False)  # or it would stay in mixed precision
                 own.to(home).eval()
+                vars(own).pop("_is_accelerate_prepared", None)  # or a second training would leave it where it is
             for part in self._frozen:
                 part.to(self._homes[0])
         if kind is not None and issubclass(kind, _NotFinite):
@@ -356,7 +372,7 @@ class _Training:
         names = batch.get("names") if isinstance(batch, Mapping) else getattr(batch, "names", None)
         if not here:
             where = "its batch is named by another process"
-        elif names:
+        elif names and not isinstance(batch, Tensor):  # whose names are those of its dimensions
             where = f"its batch: {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"
         else:
             where = f"its batch is that of seed {self.config.seed}"

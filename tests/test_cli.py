@@ -45,7 +45,7 @@ def test_imagine_writes_what_a_sentence_says(tmp_path, capsys):
 def test_a_style_by_name_says_which_methods_know_names(tmp_path, capsys):
     out = str(tmp_path / "no.bvh")
     assert main(["stylize", "data/actor/walk_neutral.bvh", "--style", "old", "-o", out]) == 2
-    assert "--method few-shot" in capsys.readouterr().err
+    assert "--method style-code or --method style-erd" in capsys.readouterr().err
     assert main(["stylize", "data/actor/walk_neutral.bvh", "--style", "old", "--method", "few-shto", "-o", out]) == 2
     assert "did you mean 'few-shot'" in capsys.readouterr().err
     nowhere = str(tmp_path / "nowhere" / "old.safetensors")
@@ -55,15 +55,28 @@ def test_a_style_by_name_says_which_methods_know_names(tmp_path, capsys):
 
 def test_learn_writes_a_style_that_stylize_takes(tmp_path, capsys):
     style, out, walk = tmp_path / "old.safetensors", tmp_path / "kick.bvh", "data/actor/walk_old.bvh"
-    learn = ["learn", walk, "--steps", "1", "-o", str(style), "--prompt"]
+    learn = ["learn", walk, "--method", "few-shot", "--steps", "1", "-o", str(style), "--prompt"]
     assert main([*learn, "a person walks"]) == 2 and "says nothing of a style" in capsys.readouterr().err
     assert main([*learn, "an old person walks"]) == 0 and not style.with_suffix(".run").exists()
     assert main(["stylize", "data/actor/walk_neutral.bvh", "--style", str(style), "-o", str(out)]) == 0
     assert len(mk.load(out)) == 120
-    direct = ["stylize", "data/actor/jump_neutral.bvh", "--style", walk, "--method", "few-shot", "-o", str(out)]
-    assert main(direct) == 0 and len(mk.load(out)) > 60  # learned on the way
-    named = [*direct[:3], "old", *direct[4:]]
-    assert main(named) == 0 and main([*direct[:3], "purple", *direct[4:]]) == 2
+    named = ["stylize", "data/actor/jump_neutral.bvh", "--style", "old", "--method", "few-shot", "-o", str(out)]
+    assert main(named) == 2
+    assert "few-shot takes its style from a BVH file" in capsys.readouterr().err
+
+
+def test_styles_by_name_and_codes_of_styles(tmp_path, capsys):
+    """style-code is what learns where there is one; it takes the labels of its library too."""
+    style, out, walk = tmp_path / "old.safetensors", tmp_path / "kick.bvh", "data/actor/walk_old.bvh"
+    assert main(["learn", walk, "--steps", "1", "-o", str(style)]) == 0
+    assert "learning by style-code" in capsys.readouterr().out
+    stylize = ["stylize", "data/actor/jump_neutral.bvh", "-o", str(out), "--style"]
+    assert main([*stylize, str(style)]) == 0 and len(mk.load(out)) > 60
+    assert main([*stylize, str(style), "--method", "few-shot"]) == 2
+    assert "this style was learned by --method style-code" in capsys.readouterr().err
+    for known in (walk, "old"):  # a clip is learned on the way
+        assert main([*stylize, known, "--method", "style-code"]) == 0 and len(mk.load(out)) > 60
+    assert main([*stylize, "purple", "--method", "style-code"]) == 2
     assert "'purple' is no style" in capsys.readouterr().err
 
 

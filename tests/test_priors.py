@@ -28,6 +28,10 @@ ACTOR = Path(__file__).resolve().parent.parent / "data" / "actor"
 SMALL = TransformerConfig(32, 1, 2, 32, frames_per_token=4, frames=48, dropout=0.0)
 
 
+def config(**changes) -> text_to_motion.Config:
+    return text_to_motion.Config(**{"sizes": SMALL, "batch": 6, **changes})
+
+
 class Letters(TextEncoder):
     """Sentences as how often each pair of letters is in them: no weights, and the same on every machine."""
 
@@ -65,15 +69,13 @@ def split(clips):
 @pytest.fixture(scope="module")
 def prior(split):
     """Hardly trained, of one layer, with 20 steps of noise."""
-    schedule = TrainConfig(6, average=0.5)
-    return text_to_motion.train_prior(
-        split, Letters(), SMALL, schedule, noise=NoiseSchedule.cosine(20), batch=6, title=""
-    )
+    return text_to_motion.train_prior(split, Letters(), config(noise=NoiseSchedule.cosine(20)), TrainConfig(6, ema=0.5),
+                                      title="")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def judge(split, prior):
-    return text_to_motion.train_discriminator(split, prior, TrainConfig(40, rate=3e-3), batch=6, title="")
+    return text_to_motion.train_discriminator(split, prior, TrainConfig(40, lr=3e-3), batch=6, title="")
 
 
 @pytest.fixture
@@ -113,7 +115,7 @@ def test_clips_without_captions_are_named(clips):
     with pytest.raises(mk.MotionKitError, match="clip 'walk_1' has no caption"):
         Sentences.of(mute, Letters())
     with pytest.raises(mk.MotionKitError, match="clip 'walk_1' has no caption"):
-        text_to_motion.train_prior(mk.datasets.Split(mute, mute, mute), Letters(), SMALL, TrainConfig(1), title="")
+        text_to_motion.train_prior(mk.datasets.Split(mute, mute, mute), Letters(), config(), TrainConfig(1), title="")
 
 
 def test_the_normalizer_has_floors_and_weighs_the_root(clips):
@@ -202,8 +204,8 @@ def test_training_learns_and_says_how_it_was_made(prior, clips, split):
     assert card["steps"] == 6 and card["batch"] == 6 and card["drop"] == 0.1 and card["training_clips"] == 6
     assert card["parameters"] == sum(p.numel() for p in prior.network.parameters()) and prior.guided
     losses = []
-    text_to_motion.train_prior(split, Letters(), SMALL, TrainConfig(60, rate=5e-3), batch=6, title="",
-                       show=lambda _, loss: losses.append(loss))  # fmt: skip
+    text_to_motion.train_prior(split, Letters(), config(), TrainConfig(60, lr=5e-3), title="",
+                       callback=lambda _, loss: losses.append(loss))  # fmt: skip
     assert sum(losses[-10:]) < 0.7 * sum(losses[:10])
 
 
@@ -212,27 +214,34 @@ def test_a_bad_clip_is_named(split):
         def encode(self, texts):
             return super().encode(texts) * torch.nan
 
-    with pytest.raises(mk.MotionKitError, match=r"the loss of step 0 is nan.*its batch: \d+ frames of (walk|run)_"):
-        text_to_motion.train_prior(split, Broken(), SMALL, TrainConfig(2), batch=3, title="")
+    with pytest.raises(mk.MotionKitError, match=r"the loss of step 0 is nan.*its batch: (walk|run)_"):
+        text_to_motion.train_prior(split, Broken(), config(batch=3), TrainConfig(2), title="")
 
 
 def test_files_give_the_prior_back_with_16_bits(prior, saved):
-    again = Prior.load(saved, Letters())
+    again = Prior.load(saved, encoder=Letters())
     for name, value in prior.network.state_dict().items():
         assert torch.equal(again.network.state_dict()[name], value.half().float()), name
-    assert (again.known, again.least, again.guided, again.fps) == (prior.known, prior.least, True, prior.fps)
+    assert (again.train_captions, again.ood_threshold, again.guided, again.fps) == (
+        prior.train_captions,
+        prior.ood_threshold,
+        True,
+        prior.fps,
+    )
     assert torch.equal(again.schedule.alphas_bar, prior.schedule.alphas_bar)
     assert torch.equal(again.normalizer.std, prior.normalizer.std) and again.network.config == SMALL
     gap = make(again)[0].positions() - make(prior)[0].positions()
     assert gap.abs().max() < 0.05
-    assert equal(make(again)[0], make(Prior.load(again.save(saved), Letters()))[0])  # what is written once is exact
+    assert equal(
+        make(again)[0], make(Prior.load(again.save(saved), encoder=Letters()))[0]
+    )  # what is written once is exact
 
 
 def test_files_that_do_not_fit_are_refused(saved, judge, tmp_path):
     with pytest.raises(mk.MotionKitError, match="another 'letters' encodes them"):
-        Prior.load(saved, Letters("b"))
+        Prior.load(saved, encoder=Letters("b"))
     with pytest.raises(mk.MotionKitError, match="expected a 'discriminator'"):
-        Discriminator.load(saved, Letters())
+        Discriminator.load(saved, encoder=Letters())
     card = json.loads(saved.with_suffix(".json").read_text())
     for change, message in (
         ({"format": 99}, "newer motionkit"),
@@ -243,7 +252,7 @@ def test_files_that_do_not_fit_are_refused(saved, judge, tmp_path):
     ):
         saved.with_suffix(".json").write_text(json.dumps({**card, **change}))
         with pytest.raises(mk.MotionKitError, match=message):
-            Prior.load(saved, Letters())
+            Prior.load(saved, encoder=Letters())
 
 
 def test_the_same_seed_gives_the_same_motions(prior):
@@ -281,7 +290,7 @@ def test_bad_prompts(prior):
     for empty in ("", "  ", ["an old person walks", ""]):
         with pytest.raises(mk.MotionKitError, match="the prompt is empty"):
             make(prior, empty)
-    near = prior.known[0]
+    near = prior.train_captions[0]
     with pytest.warns(MotionKitWarning, match=r"far from anything known: similarity 0\.\d\d to the nearest, '"):
         prior.generate("zzyzx qqq", 1.0, steps=2)
     with warnings.catch_warnings():
@@ -297,7 +306,7 @@ def test_bad_lengths(prior, seconds):
 
 
 def test_guidance_needs_a_prior_that_did_without_sentences(split):
-    deaf = text_to_motion.train_prior(split, Letters(), SMALL, TrainConfig(1), drop=0.0, batch=2, title="")
+    deaf = text_to_motion.train_prior(split, Letters(), config(drop=0.0, batch=2), TrainConfig(1), title="")
     with pytest.raises(mk.MotionKitError, match="take scale=1, or train one with drop above 0"):
         make(deaf)
     assert len(make(deaf, scale=1)) == 1
@@ -309,7 +318,7 @@ def test_the_discriminator_learns_shares_and_comes_back(judge, prior, clips, tmp
     motions, sentences = [clips[n].motion for n in (0, 2, 4)], [clips[n].text for n in (0, 2, 4)]
     found = judge.similarity(motions, sentences)
     assert found.shape == (3, 3) and found.abs().max() <= 1
-    again = Discriminator.load(judge.save(tmp_path / "six-discriminator.safetensors"), Letters())
+    again = Discriminator.load(judge.save(tmp_path / "six-discriminator.safetensors"), encoder=Letters())
     assert torch.allclose(again.similarity(motions, sentences), found, atol=1e-2)
     long = clips[0].motion
     middle = (len(long) - judge.longest) // 2

@@ -5,6 +5,8 @@ import torch
 
 import motionkit as mk
 from motionkit import checkpoints
+from motionkit.__main__ import _TRAINERS
+from motionkit.datasets import Labels
 from motionkit.methods.text_to_motion import generate_for, retrieval
 from motionkit.text.encoders import Mini
 
@@ -22,22 +24,48 @@ def prior():
     return mk.methods.text_to_motion.load("actor")
 
 
-def test_cards_say_what_they_must():
-    learned = ("text-mini", "actor-prior", "actor-discriminator", "actor-reader", "actor-space", "actor-erd")
-    for name in (*learned, "bandai-2-prior", "bandai-2-discriminator"):
-        _, card = checkpoints.load(checkpoints.find(name))
-        assert card["command"].startswith("python -m motionkit train ") and card["steps_per_second"] > 0
-        assert card["seconds"] > 0 and card["metrics"] and card["data_sha256"] and card["hardware"]
-        assert card["licence"] == ("CC-BY-NC-4.0" if "bandai" in name else "MIT")
-        assert ("cc-by-nc-4.0" in str(checkpoints.find(name))) == ("bandai" in name)
+JUDGES, PRIORS = ("autoencoder", "content", "style"), ("prior", "discriminator")
+SHIPPED = {
+    "text-mini",
+    "actor-held-back-style",
+    *(f"actor-{what}" for what in (*JUDGES, *PRIORS, "style-code", "style-encoder", "style-erd")),
+    *(f"bandai-2-{what}" for what in (*JUDGES, *PRIORS, "style-erd")),
+}
+
+
+def what_it_is(card: dict) -> str:
+    """What its command trains."""
+    return card["command"].split()[4]
+
+
+def test_what_is_shipped():
+    assert set(checkpoints.names()) == SHIPPED
+    files = [path for path in checkpoints.folder().rglob("*") if path.is_file()]
+    assert sum(path.stat().st_size for path in files) < 40e6
+
+
+@pytest.mark.parametrize("name", sorted(SHIPPED))
+def test_cards_say_what_they_must(name):
+    """Of each: how it was made, under which licence; and its weights are 16-bit."""
+    tensors, card = checkpoints.load(checkpoints.find(name))
+    assert card["command"].startswith("python -m motionkit train ")
+    assert card["steps"] > 0 and (what_it_is(card) in JUDGES or card["steps_per_second"] > 0)  # theirs are older
+    what = what_it_is(card)
+    assert what in _TRAINERS and name == ("text-mini" if what == "text" else f"{card['data']}-{what}")
+    assert card["name"] == name and card["format"] == checkpoints.FORMAT
+    assert card["seconds"] > 0 and card["metrics"] and card["data_sha256"] and card["hardware"]
+    assert card["licence"] == ("CC-BY-NC-4.0" if "bandai" in name else "MIT")
+    assert ("cc-by-nc-4.0" in str(checkpoints.find(name))) == ("bandai" in name)
+    weights = {key: value for key, value in tensors.items() if key.startswith(("network.", "labels."))}
+    assert weights and not any(value.dtype in (torch.float32, torch.float64) for value in weights.values())
+    others = {key for key in tensors if key not in weights}
+    assert others <= {"mean", "std", "alphas_bar"}  # what features and noise are scaled by, a number for each
 
 
 def test_the_data_are_those_that_the_weights_learned_from(actor, prior):
-    from motionkit.training import data_hash
-
     # processors differ in the last digits of the clips; these weights were made on two kinds
     cards = [checkpoints.load(checkpoints.find(f"actor-{what}"))[1] for what in ("prior", "content")]
-    assert data_hash(actor.train) in {card["data_sha256"] for card in cards}
+    assert checkpoints.data_hash(actor.train) in {card["data_sha256"] for card in cards}
     assert {card["training_clips"] for card in cards} == {prior.card["training_clips"]} == {len(actor.train)}
 
 
@@ -140,7 +168,7 @@ def test_style_erd_comes_near_the_performers_own_answer():
         played = perform(content, "neutral", seed=920, seconds=4.0, performer=46)
         for style in ("old", "proud", "depressed"):
             answer = retell(played, style).time_aligned(played)
-            made = method.stylize(played.motion, style, content_label=content, content_style="neutral")
+            made = method.stylize(played.motion, style, labels=Labels(content, "neutral"))
             errors.append((error_against(made, answer), error_against(played.motion, answer)))
     mine, untouched = (sum(part) for part in zip(*errors))
     assert mine < 0.5 * untouched

@@ -11,7 +11,7 @@ import pytest
 import torch
 from processes_lab import BAD
 from safetensors.torch import load_file
-from test_training import MEAN, a_loss, a_net
+from test_training import MEAN, a_batch, a_loss, a_net, a_pair
 
 import motionkit as mk
 from motionkit import checkpoints
@@ -57,16 +57,23 @@ def test_both_took_part(two):
 
 
 def test_two_processes_train_as_one_on_the_mean_of_their_losses(two):
-    def mean_loss(net: torch.nn.Module, step: int) -> torch.Tensor:
-        losses = []
+    def draw(step: int) -> dict:
+        batches = []
         for rank in (0, 1):
             seed_batch(MEAN, step, rank)
-            losses.append(a_loss(net, step))
+            batches.append((a_batch(step), torch.get_rng_state()))  # the state says what the dropout then drops
+        return {"batches": batches}
+
+    def mean_loss(net: torch.nn.Module, batch: dict) -> torch.Tensor:
+        losses = []
+        for x, state in batch["batches"]:
+            torch.set_rng_state(state)
+            losses.append(a_loss(net, x))
         return torch.stack(losses).mean()
 
     one, alone = a_net(), a_net()
-    run = fit(one, mean_loss, MEAN, title="")
-    fit(alone, a_loss, MEAN, title="")
+    run = fit(one, draw, mean_loss, MEAN, title="")
+    fit(alone, a_batch, a_loss, MEAN, title="")
     for said, found in zip(two.said, weights(two, "together")):
         assert said["losses"] == pytest.approx(run.losses, rel=1e-4)
         for name, value in one.state_dict().items():
@@ -74,7 +81,7 @@ def test_two_processes_train_as_one_on_the_mean_of_their_losses(two):
         assert not torch.allclose(found["0.weight"], alone.state_dict()["0.weight"], atol=1e-3)
 
 
-@pytest.mark.parametrize("name", ["together", "broken", "buffers"])
+@pytest.mark.parametrize("name", ["together", "broken", "buffers", "game"])
 def test_both_end_with_the_same_weights(two, name):
     first, second = weights(two, name)
     assert all(torch.equal(first[name], second[name]) for name in first)
@@ -84,6 +91,14 @@ def test_a_run_that_was_broken_off_is_an_unbroken_one(two):
     assert two.said[0]["again"] == two.said[0]["losses"]
     broken, whole = weights(two, "broken")[0], weights(two, "together")[0]
     assert all(torch.equal(broken[name], whole[name]) for name in whole)
+
+
+def test_a_generator_and_its_critic_train_in_both(two):
+    first, second = (one["game"] for one in two.said)
+    assert first == second and len(first) == 40
+    before = torch.nn.ModuleList(a_pair()).state_dict()
+    after = weights(two, "game")[0]
+    assert not any(torch.equal(after[name], before[name]) for name in ("0.0.weight", "1.0.weight"))
 
 
 def test_only_one_shows_and_keeps(two):
@@ -109,4 +124,4 @@ def test_the_command_writes_and_prints_once(two):
     path = two.folder / "checkpoints" / "folder-prior.safetensors"
     assert two.out.split() == [str(path)]
     tensors, card = checkpoints.load(path, "prior")
-    assert card["steps"] == 2 and card["training_clips"] > 0 and "text.weight" in tensors
+    assert card["steps"] == 2 and card["training_clips"] > 0 and "network.text.weight" in tensors

@@ -6,7 +6,6 @@ Beyond paper 2, whose section C.1 leaves quick adaptation to unseen styles open.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import torch
 from torch import Tensor, nn
@@ -112,20 +111,21 @@ def learn_style(
     branch = StyleBranch(network, like=_nearest(network, source, target, number))
 
     targets = torch.cat([target.rotations.flatten(1), target.positions.flatten(1), target.velocities.flatten(1)], 1)
-    joints, place = len(model.skeleton), partial(placed_positions, model.skeleton, clip.translations[0])
+    joints = len(model.skeleton)
 
     def draw(step: int) -> dict[str, Tensor]:
         rows, content, moving = _drawn(len(clip), number, len(model.contents))
         x, y = zero_first_velocity(source.x[rows], joints), targets[rows].clone()
         for part in (x, y):
             part[..., -3 * joints :] *= moving
-        return {"x": x, "content": content, "target": y}
+        return {"x": x, "content": content, "target": y, "offsets": clip.translations[0]}
 
     def loss_fn(branch: nn.Module, batch: dict[str, Tensor]) -> Tensor:
         rotations, velocities = split(branch(batch["x"], batch["content"], torch.zeros_like(batch["content"])))
         sizes = (4 * joints, 3 * joints, 3 * joints)
         aim = [part.unflatten(-1, (joints, -1)) for part in batch["target"].split(sizes, -1)]
-        positions = place(rotations, lowest_foot(model.skeleton, aim[1]))
+        lowest = lowest_foot(model.skeleton, aim[1])
+        positions = placed_positions(model.skeleton, batch["offsets"], rotations, lowest)
         distance = reconstruction_loss((aim[0], rotations), (aim[1], positions), (aim[2], velocities))
         return distance.sum(1).mean() + _STAY * branch.l2_from_init()
 
