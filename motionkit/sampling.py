@@ -31,7 +31,7 @@ def timesteps(
 
     steps: how many there would be from T on; left out, all; or the very steps. start: where it begins; T if left out.
     Paper 1 (section 4): with S = 20 of T = 1000, a start at K = 300 leaves 6. spacing: the power that even steps are
-    raised to; above 1 they crowd towards 0, which suits a `louder` schedule. Raises MotionKitError for numbers out of
+    raised to; above 1 they crowd towards 0, which suits a shifted schedule. Raises MotionKitError for numbers out of
     range, and for very steps that do not fall.
 
     >>> timesteps(NoiseSchedule.cosine(1000), steps=20, start=300)
@@ -169,7 +169,8 @@ def dpm_solver(
     """DPM-Solver++ (2M) of Lu et al. 2022, algorithm 2: it uses the step before too; ten steps do the work of fifty.
 
     No fresh noise; arguments as in `ddim`. The last step, to 0, is the prediction of x0 itself. Where the schedule is
-    `louder`, few steps do better with `timesteps(schedule, 10, spacing=2)`: even ones leave much noise for the last.
+    shifted (`snr_shift`), few steps do better with `timesteps(schedule, 10, spacing=2)`: even ones leave
+    much noise for the last.
 
     >>> dpm_solver(lambda x, t: torch.full_like(x, 3.0), torch.randn(1, 2), NoiseSchedule.cosine(), steps=5)
     tensor([[3., 3.]])
