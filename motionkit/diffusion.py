@@ -56,7 +56,7 @@ class NoiseSchedule:
         return cls.of_betas((1 - bar[1:] / bar[:-1]).clamp(max=0.999))
 
     def snr_shift(self, times: float) -> NoiseSchedule:
-        """The same with a noise level `times` as high against the signal at every step (Hoogeboom et al. 2023, shifted).
+        """The same with a noise level `times` as high beside the signal at every step (Hoogeboom et al. 2023, shifted).
 
         What many numbers say together, such as how fast a walk is, shows through a lot of noise: at the plain cosine's
         step 950 of 1000 already. A schedule shifted to more noise gives the steps before that more room.

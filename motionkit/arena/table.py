@@ -76,7 +76,7 @@ COLUMNS = {
     "fmd_style": Column("style FMD", "down", 2, "style features, against the style clips (paper 5)"),
     "cra": Column("CRA %", "up", 1, "results whose content is recognised (papers 1, 3, 4)"),
     "sra": Column("SRA %", "up", 1, "results whose style is recognised (papers 1, 4)"),
-    "truth_error": Column("ground-truth error mm", "down", 1, "joints' distance from what the performer would have done"),
+    "truth_error": Column("ground-truth error mm", "down", 1, "joints' distance from what the performer would do"),
     "tsi": Column("TSI m", "down", 3, "distance of the paths over the ground (paper 4)"),
     "fsf": Column("FSF mm", "down", 2, "a frame's sliding of planted feet (paper 4)"),
     "fca": Column("FCA %", "up", 1, "frames and feet that stand, or not, as the content's do (paper 1)"),
