@@ -53,7 +53,7 @@ def foot_contacts(
 
 
 def foot_sliding(motion: Motion, contacts: Tensor | None = None, feet: Sequence[str] | None = None) -> float:
-    """How far standing feet move over the ground, in millimetres a frame; 0 where nothing stands.
+    """How far planted feet move over the ground, in millimetres a frame; 0 where nothing stands.
 
     contacts: bool [F, K]; found by `foot_contacts` if left out, but give those of the source when you judge an edited
     clip, since a foot that slides fast no longer counts as standing. The mean is over all pairs of neighbouring frames
@@ -149,7 +149,7 @@ def _corner(u: Tensor, v: Tensor) -> Tensor:
 def lock_feet(
     motion: Motion, contacts: Tensor | None = None, blend: int = 5, feet: Sequence[str] | None = None
 ) -> Motion:
-    """Hold standing feet still: each leg is bent so that the joint that stands stays where it is, at one height.
+    """Hold planted feet still: each leg is bent so that the joint that stands stays where it is, at one height.
 
     contacts: bool [F, K], as in `foot_contacts` (found if left out). blend: frames over which the correction fades in
     before a contact and out after it. Per contact the place is chosen so that the legs are moved as little as can be;

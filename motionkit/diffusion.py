@@ -56,23 +56,23 @@ class NoiseSchedule:
         return cls.of_betas((1 - bar[1:] / bar[:-1]).clamp(max=0.999))
 
     def snr_shift(self, times: float) -> NoiseSchedule:
-        """The same with noise that is `times` as loud beside the signal at every step (Hoogeboom et al. 2023, shifted).
+        """The same with a noise level `times` as high beside the signal at every step (Hoogeboom et al. 2023, shifted).
 
         What many numbers say together, such as how fast a walk is, shows through a lot of noise: at the plain cosine's
-        step 950 of 1000 already. A louder schedule gives the steps before that more room.
+        step 950 of 1000 already. A schedule shifted to more noise gives the steps before that more room.
 
         >>> NoiseSchedule.cosine().snr_shift(6)
         NoiseSchedule(1000 steps; half of the variance is noise from step 99 on)
         """
         if not (math.isfinite(times) and times > 0):
-            raise MotionKitError(f"noise can be made louder by a factor above 0, 6 for instance; found {times}")
+            raise MotionKitError(f"a schedule is shifted by a factor above 0, 6 for instance; found {times}")
         bar = self.alphas_bar.double()
         return NoiseSchedule(bar / (bar + (1 - bar) * times**2))
 
     def matching_step(self, step: int, other: NoiseSchedule) -> int:
-        """The step, of 1 to T, whose noise is as loud beside the signal as that of a step of another schedule, nearly.
+        """The step, of 1 to T, whose signal-to-noise ratio is nearest to that of a step of another schedule.
 
-        Papers give steps of their own schedule; those of a `louder` one have other numbers.
+        Papers give steps of their own schedule; those of a shifted one (`snr_shift`) have other numbers.
 
         >>> plain = NoiseSchedule.cosine()
         >>> [plain.snr_shift(6).matching_step(step, plain) for step in (50, 300, 950)]

@@ -503,7 +503,7 @@ def _stance_slope(heights: Tensor, bone: Tensor) -> float:
 
 
 def plant_feet(result: Motion, origin: Motion, target: Body, source: Body, links: Links, scale: float) -> Motion:
-    """The result with standing feet moved as the source's move, times `scale`: mostly not at all.
+    """The result with planted feet moved as the source's move, times `scale`: mostly not at all.
 
     result, origin: motions on the two bodies' skeletons, the pelvis as root. Between contacts the correction passes
     smoothly from one to the next. The pelvis takes what both legs share, IK the rest. Where no leg has feet on both

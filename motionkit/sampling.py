@@ -31,7 +31,7 @@ def timesteps(
 
     steps: how many there would be from T on; left out, all; or the very steps. start: where it begins; T if left out.
     Paper 1 (section 4): with S = 20 of T = 1000, a start at K = 300 leaves 6. spacing: the power that even steps are
-    raised to; above 1 they crowd towards 0, which suits a `louder` schedule. Raises MotionKitError for numbers out of
+    raised to; above 1 they crowd towards 0, which suits a shifted schedule. Raises MotionKitError for numbers out of
     range, and for very steps that do not fall.
 
     >>> timesteps(NoiseSchedule.cosine(1000), steps=20, start=300)
@@ -70,22 +70,21 @@ def ddpm(
     x: Tensor,
     schedule: NoiseSchedule,
     steps: Steps = None,
-    start: int | None = None,
     inpaint: Inpaint | None = None,
     callback: Callback | None = None,
     generator: torch.Generator | None = None,
-    spacing: float = 1.0,
 ) -> Tensor:
     """Ancestral sampling (Ho et al. 2020, algorithm 2): some noise goes at every step, and a little fresh noise comes.
 
-    x: [B, ...] at step `start`, standard normal if that is T. steps, start, spacing: see `timesteps`. inpaint: changes
-    every prediction of x0, see `inpainting`. callback: called after each step with the step reached, x there, and the
+    x: [B, ...] at the first step, standard normal if that is T. steps: how many there are from T on, None for all; or
+    the very steps, such as `timesteps(schedule, 20, start=300)`. inpaint: changes every prediction of x0, see
+    `inpainting`. callback: called after each step with the step reached, x there, and the
     x0 that led to it. generator: of the fresh noise. Returns x at step 0.
 
     >>> ddpm(lambda x, t: torch.full_like(x, 3.0), torch.randn(1, 2), NoiseSchedule.cosine(), steps=5)
     tensor([[3., 3.]])
     """
-    stops = timesteps(schedule, steps, start, spacing)
+    stops = timesteps(schedule, steps)
     for t, s in zip(stops, [*stops[1:], 0]):
         x0 = _predicted(predict, x, t, inpaint)
         x, variance = posterior(x, x0, t, s, schedule)
@@ -101,12 +100,10 @@ def ddim(
     x: Tensor,
     schedule: NoiseSchedule,
     steps: Steps = 50,
-    start: int | None = None,
     inpaint: Inpaint | None = None,
     callback: Callback | None = None,
     generator: torch.Generator | None = None,
     eta: float = 0.0,
-    spacing: float = 1.0,
 ) -> Tensor:
     """DDIM (Song, Meng, Ermon 2021, eq. 12): without fresh noise, so the same x gives the same answer, in few steps.
 
@@ -119,7 +116,7 @@ def ddim(
     """
     if not 0 <= eta <= 1:
         raise MotionKitError(f"eta must be from 0 (no fresh noise) to 1 (as much as ddpm); found {eta}")
-    stops = timesteps(schedule, steps, start, spacing)
+    stops = timesteps(schedule, steps)
     for t, s in zip(stops, [*stops[1:], 0]):
         x0 = _predicted(predict, x, t, inpaint)
         fresh = eta * posterior(x, x0, t, s, schedule)[1] ** 0.5
@@ -137,21 +134,20 @@ def ddim_invert(
     x: Tensor,
     schedule: NoiseSchedule,
     steps: Steps = 50,
-    stop: int | None = None,
     callback: Callback | None = None,
-    spacing: float = 1.0,
 ) -> Tensor:
-    """DDIM backwards: the noise at step `stop` from which `ddim` makes this clean x [B, ...] again, nearly.
+    """DDIM backwards: the noise at the first of `steps` from which `ddim` makes this clean x [B, ...] again, nearly.
 
     The prediction at the step ahead stands in for the one here, which is exact as steps become many (Song, Meng, Ermon
     2021, section 4.3; paper 1, section 4, runs its forward process so). Other arguments as in `ddim`.
 
     >>> schedule, predict = NoiseSchedule.cosine(), lambda x, t: torch.full_like(x, 3.0)
-    >>> x = ddim_invert(predict, torch.full((1, 2), 3.0), schedule, 20, stop=300)
-    >>> bool(torch.allclose(ddim(predict, x, schedule, 20, start=300), torch.full((1, 2), 3.0)))
+    >>> steps = timesteps(schedule, 20, start=300)
+    >>> x = ddim_invert(predict, torch.full((1, 2), 3.0), schedule, steps)
+    >>> bool(torch.allclose(ddim(predict, x, schedule, steps), torch.full((1, 2), 3.0)))
     True
     """
-    stops = timesteps(schedule, steps, stop, spacing)[::-1]
+    stops = timesteps(schedule, steps)[::-1]
     for s, t in zip([0, *stops[:-1]], stops):
         x0 = _predicted(predict, x, t, None)
         noise = noise_from_x0(x, x0, t, schedule)
@@ -167,20 +163,19 @@ def dpm_solver(
     x: Tensor,
     schedule: NoiseSchedule,
     steps: Steps = 10,
-    start: int | None = None,
     inpaint: Inpaint | None = None,
     callback: Callback | None = None,
-    spacing: float = 1.0,
 ) -> Tensor:
     """DPM-Solver++ (2M) of Lu et al. 2022, algorithm 2: it uses the step before too; ten steps do the work of fifty.
 
     No fresh noise; arguments as in `ddim`. The last step, to 0, is the prediction of x0 itself. Where the schedule is
-    `louder`, few steps do better with a spacing of 2: even ones leave much noise for the last.
+    shifted (`snr_shift`), few steps do better with `timesteps(schedule, 10, spacing=2)`: even ones leave
+    much noise for the last.
 
     >>> dpm_solver(lambda x, t: torch.full_like(x, 3.0), torch.randn(1, 2), NoiseSchedule.cosine(), steps=5)
     tensor([[3., 3.]])
     """
-    stops, before, length_before = timesteps(schedule, steps, start, spacing), None, 0.0
+    stops, before, length_before = timesteps(schedule, steps), None, 0.0
     for t, s in zip(stops, [*stops[1:], 0]):
         x0 = _predicted(predict, x, t, inpaint)
         bar_t, bar_s = (float(schedule.alphas_bar[n]) for n in (t, s))

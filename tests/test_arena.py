@@ -123,7 +123,7 @@ def test_shrinkage_is_said_by_name(clips, tmp_path):
 def test_other_lengths_have_no_frame_by_frame_figures(table):
     for column in ("truth_error", "fca"):
         assert table["style"].cell(column).missing == 36 and math.isnan(value(table, "style", column))
-    assert "* style: truth error mm, FCA % without 36 of 36" in str(table)
+    assert "* style: ground-truth error mm, FCA % without 36 of 36" in str(table)
 
 
 def test_one_seed_is_one_table_however_many_jobs(clips, tmp_path, table):

@@ -269,6 +269,6 @@ def test_louder_multiplies_the_noise_beside_the_signal(times):
 
 
 @pytest.mark.parametrize("times", [0, -1, float("nan"), float("inf")])
-def test_louder_by_no_factor(times):
-    with pytest.raises(mk.MotionKitError, match="louder by a factor above 0"):
+def test_shifted_by_no_factor(times):
+    with pytest.raises(mk.MotionKitError, match="shifted by a factor above 0"):
         NoiseSchedule.cosine(10).snr_shift(times)

@@ -63,8 +63,6 @@ DEBTS = {
         "motionkit/arena/running.py: run",
         "motionkit/lessons/judging.py: feature_map",
         "motionkit/sampling.py: ddim",
-        "motionkit/sampling.py: ddpm",
-        "motionkit/sampling.py: dpm_solver",
         "motionkit/viewer/player.py: __init__",
     },
 }

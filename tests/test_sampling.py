@@ -77,7 +77,7 @@ def test_ddim_on_a_gaussian_is_a_known_linear_map(kind, steps, start):
         )
         slope *= (a * b * SPREAD**2 + c * d) / (a * a * SPREAD**2 + c * c)
     wanted = MEAN + slope * (x - float(schedule.signal[stops[0]]) * MEAN)
-    torch.testing.assert_close(ddim(gaussian(schedule), x, schedule, steps, start), wanted, rtol=0, atol=1e-9)
+    torch.testing.assert_close(ddim(gaussian(schedule), x, schedule, stops), wanted, rtol=0, atol=1e-9)
 
 
 @kinds
@@ -100,9 +100,10 @@ def test_inversion_there_and_back_gets_better_with_steps(kind):
     x = MEAN + SPREAD * torch.linspace(-2, 2, 9, dtype=torch.float64)[:, None]
     predict, there, back = gaussian(schedule), [], []
     for steps in (20, 40, 80, 160, 1000):
-        noise = ddim_invert(predict, x, schedule, steps, stop=500)
+        stops = timesteps(schedule, steps, start=500)
+        noise = ddim_invert(predict, x, schedule, stops)
         there.append(float((noise - exact(x, 0, 500, schedule)).abs().max()))
-        back.append(float((ddim(predict, noise, schedule, steps, start=500) - x).abs().max()))
+        back.append(float((ddim(predict, noise, schedule, stops) - x).abs().max()))
     for misses in (there, back):
         assert all(0.4 < after / before < 0.65 for before, after in zip(misses[:3], misses[1:4]))  # about a half
         assert misses[4] < 0.01
@@ -122,6 +123,7 @@ def test_steps_fall_from_start_and_never_reach_0(numbers):
 def test_start_at_k_leaves_the_steps_of_the_paper():
     """Paper 1, section 4: S = 20 of T = 1000, and K = 300."""
     schedule, asked = NoiseSchedule.cosine(), []
+    stops = timesteps(schedule, 20, start=300)
 
     def predict(x, t):
         asked.append(t.tolist())
@@ -130,12 +132,12 @@ def test_start_at_k_leaves_the_steps_of_the_paper():
     for sampler in SAMPLERS:
         trace = Trace()
         asked.clear()
-        found = sampler(predict, normal(2, 4), schedule, 20, start=300, callback=trace)
+        found = sampler(predict, normal(2, 4), schedule, stops, callback=trace)
         assert asked == [[t, t] for t in (300, 250, 200, 150, 100, 50)]
         assert [step for step, _, _ in trace] == [250, 200, 150, 100, 50, 0]
         assert torch.equal(trace[-1][1], found) and torch.equal(found, trace[-1][2])
     asked.clear()
-    ddim_invert(predict, normal(2, 4), schedule, 20, stop=300)
+    ddim_invert(predict, normal(2, 4), schedule, stops)
     assert asked == [[t, t] for t in (50, 100, 150, 200, 250, 300)]
 
 
@@ -253,11 +255,12 @@ def test_names_that_nothing_has(name):
 @pytest.mark.parametrize("steps, start", [(0, None), (-1, None), (1001, None), (10, 0), (10, 1001), (10, -3)])
 def test_steps_out_of_range(steps, start):
     schedule, x = NoiseSchedule.cosine(), normal(1, 4)
-    for sampler in [*SAMPLERS, ddim_invert]:
-        with pytest.raises(
-            mk.MotionKitError, match=f"must be from 1 to 1000; found steps={steps}, start={start or ''}"
-        ):
-            sampler(bent(schedule), x, schedule, steps, start)
+    wrong = f"must be from 1 to 1000; found steps={steps}, start={start or ''}"
+    with pytest.raises(mk.MotionKitError, match=wrong):
+        timesteps(schedule, steps, start)
+    for sampler in [*SAMPLERS, ddim_invert] if start is None else []:
+        with pytest.raises(mk.MotionKitError, match=wrong):
+            sampler(bent(schedule), x, schedule, steps)
 
 
 @pytest.mark.parametrize("eta", [-0.1, 1.5, math.nan])
@@ -280,10 +283,11 @@ def test_spaced_steps_fall_from_the_start_and_follow_the_power(steps, start, spa
 @pytest.mark.parametrize("sampler", [ddpm, ddim, dpm_solver])
 def test_samplers_stop_where_spacing_says(sampler):
     schedule, seen = NoiseSchedule.cosine(), []
-    sampler(lambda x, t: x * 0, normal(1, 2), schedule, 5, spacing=2.0, callback=lambda s, x, x0: seen.append(s))
+    stops = timesteps(schedule, 5, spacing=2.0)
+    sampler(lambda x, t: x * 0, normal(1, 2), schedule, stops, callback=lambda s, x, x0: seen.append(s))
     assert seen == [640, 360, 160, 40, 0]
     back = []
-    ddim_invert(lambda x, t: x * 0, normal(1, 2), schedule, 5, spacing=2.0, callback=lambda t, x, x0: back.append(t))
+    ddim_invert(lambda x, t: x * 0, normal(1, 2), schedule, stops, callback=lambda t, x, x0: back.append(t))
     assert back == [40, 160, 360, 640, 1000]
 
 

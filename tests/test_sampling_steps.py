@@ -66,7 +66,7 @@ def test_ddpm_is_that_of_diffusers(kind, prediction, steps, start, same_numbers)
     schedule, x, trace, theirs = SCHEDULES[kind], normal(3, 4), Trace(), torch.Generator().manual_seed(3)
     predict, network = both_ways(schedule, prediction)
     stops = timesteps(schedule, steps, start)
-    ddpm(predict, x, schedule, steps, start, callback=trace, generator=torch.Generator().manual_seed(3))
+    ddpm(predict, x, schedule, stops, callback=trace, generator=torch.Generator().manual_seed(3))
     oracle = scheduler("DDPMScheduler", kind, prediction, stops, clip_sample=False)
     compare(trace, oracle, network, x, stops, lambda: {"generator": theirs})
 
@@ -79,7 +79,7 @@ def test_ddim_is_that_of_diffusers(kind, prediction, eta, steps, start):
     schedule, x, trace, theirs = SCHEDULES[kind], normal(3, 4), Trace(), torch.Generator().manual_seed(3)
     predict, network = both_ways(schedule, prediction)
     stops = timesteps(schedule, steps, start)
-    ddim(predict, x, schedule, steps, start, callback=trace, generator=torch.Generator().manual_seed(3), eta=eta)
+    ddim(predict, x, schedule, stops, callback=trace, generator=torch.Generator().manual_seed(3), eta=eta)
     oracle = scheduler("DDIMScheduler", kind, prediction, steps, clip_sample=False, timestep_spacing="trailing")
     assert (oracle.timesteps[-len(stops) :] + 1).tolist() == stops
 
@@ -98,7 +98,7 @@ def test_ddim_backwards_is_that_of_diffusers(kind, prediction, steps, stop):
     predict, _ = both_ways(schedule, prediction)
     _, network = both_ways(schedule, "epsilon")
     stops = timesteps(schedule, steps, stop)[::-1]
-    found = ddim_invert(predict, x, schedule, steps, stop, callback=trace)
+    found = ddim_invert(predict, x, schedule, stops[::-1], callback=trace)
     oracle = scheduler("DDIMInverseScheduler", kind, "epsilon", steps, clip_sample=False, timestep_spacing="trailing")
     assert (oracle.timesteps[: len(stops)] + 1).tolist() == stops == [step for step, _, _ in trace]
     compare(trace, oracle, network, x, stops)
@@ -113,7 +113,7 @@ def test_dpm_solver_is_that_of_diffusers(kind, prediction, steps, start):
     schedule, x, trace = SCHEDULES[kind], normal(3, 4), Trace()
     predict, network = both_ways(schedule, prediction)
     stops = timesteps(schedule, steps, start)
-    dpm_solver(predict, x, schedule, steps, start, callback=trace)
+    dpm_solver(predict, x, schedule, stops, callback=trace)
     solver = {"algorithm_type": "dpmsolver++", "solver_order": 2, "final_sigmas_type": "zero"}
     oracle = scheduler("DPMSolverMultistepScheduler", kind, prediction, stops, **solver)
     compare(trace, oracle, network, x, stops)
@@ -125,7 +125,7 @@ def test_dpm_solver_is_that_of_diffusers(kind, prediction, steps, start):
 def test_ddim_with_uneven_steps_is_dpm_solver_of_first_order(kind, steps, start):
     schedule, x, trace = SCHEDULES[kind], normal(3, 4), Trace()
     stops = timesteps(schedule, steps, start)
-    ddim(bent(schedule), x, schedule, steps, start, callback=trace)
+    ddim(bent(schedule), x, schedule, stops, callback=trace)
     oracle = scheduler("DPMSolverMultistepScheduler", kind, "sample", stops, solver_order=1, final_sigmas_type="zero")
     compare(trace, oracle, bent(schedule), x, stops)
 

@@ -123,7 +123,7 @@ def quality() -> dict:
     note = f"largest of {len(clips)} clips, {frames:,} frames"
     limits = ", ".join(f"{b} {most}" for (_, b, _), most in LIMITS.items())
     return {
-        "foot_sliding_mm": (max(slide), f"{note}, mean over standing feet"),
+        "foot_sliding_mm": (max(slide), f"{note}, mean over planted feet"),
         "penetration_mm": (max(depth), f"{note}, heels and toe tips below the ground"),
         "bone_error_mm": (bones, note),
         "frames_beyond_limits": (beyond, f"at most {limits} degrees of bend; knees are hinges"),

@@ -91,10 +91,11 @@ def samplers() -> dict:
     real, rows = judge.content.features([clip.motion for clip in test]), []
     for name, spacing in SPACING.items():
         for steps in STEPS:
+            stops = sampling.timesteps(prior.schedule, steps, spacing=spacing)
             title, seconds, distances = f"{name}, {steps} steps", 0.0, []
             for seed in SEEDS:
                 start = time.perf_counter()
-                motions = generate_for(prior, test, getattr(sampling, name), steps, seed, title, spacing=spacing)
+                motions = generate_for(prior, test, getattr(sampling, name), stops, seed, title)
                 seconds += (time.perf_counter() - start) / len(motions) / len(SEEDS)
                 distances.append(mk.metrics.fmd(judge.content.features(motions), real))
             row = {"sampler": name, "steps": steps, "spacing": spacing, "fmd": round(sum(distances) / len(SEEDS), 3)}

@@ -216,7 +216,8 @@ def neutral_pair(
     keep_path = sampling.inpainting(x[0], sampling.feature_mask(prior.layout, *PATH))
     predict = prior.predict([text.to_neutral(prompt)], 2.0)
     predict = sampling.sliding_window(predict, prior.longest, round(prior.fps))
-    return sampling.ddpm(predict, noised, prior.schedule, steps, start, keep_path, generator=generator, **more)[0]
+    stops = sampling.timesteps(prior.schedule, steps, start)
+    return sampling.ddpm(predict, noised, prior.schedule, stops, keep_path, generator=generator, **more)[0]
 
 
 @dataclass(frozen=True, eq=False)

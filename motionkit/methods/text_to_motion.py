@@ -130,14 +130,14 @@ class Prior(Checkpoint):
         *,
         scale: float = GUIDANCE_SCALE,
         sampler: Sampler = sampling.ddim,
-        steps: int = 20,
+        steps: sampling.Steps = 20,
         seed: int = 0,
         **more,
     ) -> list[Motion]:
         """A motion for each sentence (paper 1, section 3.3).
 
         seconds: of all, or one for each sentence; at most what it learned from. scale: of guidance; 1 is none. sampler,
-        steps: from `sampling`. more: what the sampler takes beside, such as `inpaint`, `callback` and `spacing`. Raises
+        steps: from `sampling`. more: what the sampler takes beside, such as `inpaint` and `callback`. Raises
         MotionKitError for a time that is too long or too short, and as `predict`.
         """
         prompts = [prompts] if isinstance(prompts, str) else list(prompts)
