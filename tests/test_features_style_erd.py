@@ -5,7 +5,7 @@ import torch
 import motionkit as mk
 from motionkit import rotations as rot
 from motionkit.actor import perform
-from motionkit.methods.style_erd import Frames, frames_of, lowest_foot, motion_from, placed_positions, split
+from motionkit.features.style_erd import Frames, frames_of, lowest_foot, motion_from, placed_positions, split
 
 
 def walk(seconds=3.0) -> mk.Motion:
