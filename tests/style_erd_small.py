@@ -8,8 +8,9 @@ from torch import nn
 from motionkit.actor import perform
 from motionkit.datasets import BvhSource, Dataset, Item, Labels
 from motionkit.datasets.loading import from_items
-from motionkit.methods.style_erd import ErdModel, Sizes, StyleErd
-from motionkit.methods.style_erd_stream import FrameClassifier
+from motionkit.methods.style_erd import ErdModel
+from motionkit.methods.style_erd_labels import FrameClassifier
+from motionkit.methods.style_erd_network import Sizes, StyleErd
 
 STYLES, CONTENTS = ("neutral", "old", "proud"), ("walk", "jump")
 

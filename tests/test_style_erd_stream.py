@@ -5,23 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from style_erd_small import CONTENTS, STYLES, four_clips, small_model
+from style_erd_small import CONTENTS, STYLES, small_model
 from torch import nn
 
 import motionkit as mk
 from motionkit.actor import perform
 from motionkit.features.style_erd import frames_of, motion_from, split
-from motionkit.methods.style_erd import ErdModel, Sizes, StyleErd
-from motionkit.methods.style_erd_data import Windows
-from motionkit.methods.style_erd_stream import (
-    ErdStream,
-    FrameClassifier,
-    LabelTracker,
-    NumpyKinematics,
-    NumpyStep,
-    label_accuracy,
-    train_frame_classifier,
-)
+from motionkit.methods.style_erd import ErdModel
+from motionkit.methods.style_erd_labels import FrameClassifier, LabelTracker
+from motionkit.methods.style_erd_network import Sizes, StyleErd
+from motionkit.methods.style_erd_stream import ErdStream, NumpyKinematics, NumpyStep
 
 PLAIN = {"content": "walk", "own_style": "neutral"}
 SIZES = [Sizes.tiny(), Sizes.paper(), Sizes((8,), 6, 2, 2, (8,))]
@@ -227,20 +220,6 @@ def test_labels_that_nobody_says_are_guessed(model, walk, tmp_path):
     assert stream.labels[0][1] == "neutral"
 
 
-def test_guesses_are_the_labellers_own(walk):
-    torch.manual_seed(3)
-    labeller, x = FrameClassifier(22, 4, 5).eval(), frames_of(walk).x
-    guesses, calm = LabelTracker(labeller), []
-    with torch.no_grad():
-        scores = labeller(x[None])[:2]
-    for n in range(len(x)):
-        guesses.update(x[n : n + 1].numpy())
-        now = [torch.softmax(one[0, n], 0) for one in scores]
-        calm = now if not calm else [a + 0.1 * (b - a) for a, b in zip(calm, now)]
-        for mine, theirs in zip(guesses._sure, calm):
-            assert np.abs(mine[0] - theirs.numpy()).max() < 1e-4
-
-
 def given(stream, wishes):
     """The shares that each frame gets while a wish is set before every one."""
     shares = []
@@ -265,16 +244,3 @@ def test_a_dial_that_is_turned_all_the_time_is_followed_all_the_time(model):
     turning = [{"old": 1 - n / 60, "proud": n / 60} for n in range(61)]
     shares = given(ErdStream(model, "old", **PLAIN, fade=0.5), turning)[:, 2]
     assert (np.diff(shares) >= 0).all() and (shares[15:] > np.arange(15, 61) / 60 - 0.16).all()
-
-
-def test_labels_are_learned():
-    windows = Windows.of(four_clips(), 30.0, 60)
-    before, after = FrameClassifier(22, 2, 3), train_frame_classifier(windows, 22, steps=150, title="")
-    assert (
-        label_accuracy(after, windows)["content"] > 85
-        and label_accuracy(after, windows)["style"] > label_accuracy(before, windows)["style"]
-    )
-    guesses = LabelTracker(after)
-    for frame in windows.x[int((windows.content == windows.contents.index("jump")).nonzero()[0])].numpy():
-        guesses.update(frame[None])
-    assert windows.contents[int(guesses.content[0])] == "jump"
