@@ -1,4 +1,4 @@
-"""Paper 2: the supervision modules, losses against hand-made answers, training, and clips through the method."""
+"""Paper 2: losses against hand-made answers and scipy, training, and clips through the method."""
 
 import math
 from dataclasses import replace
@@ -19,12 +19,10 @@ from motionkit.methods import style_erd
 from motionkit.methods.style_erd import (
     ABLATIONS,
     Config,
-    ContentClassifier,
     FTAttDiscriminator,
     MultiClassDiscriminator,
     StyleErdLoss,
     StyleErdTransfer,
-    attention_score,
     evaluate_model,
     train_content_classifier,
     train_generator,
@@ -34,36 +32,6 @@ from motionkit.methods.style_erd_data import Draw, Windows
 from motionkit.methods.style_erd_network import Sizes, StyleErd
 from motionkit.methods.style_erd_stream import ErdStream
 from motionkit.training import TrainConfig, fit_adversarial
-
-# -- the supervision modules -----------------------------------------------------------------------------------------
-
-
-def test_attention_is_equation_1():
-    torch.manual_seed(0)
-    m, f, t = torch.randn(2, 3, 4), torch.randn(2, 3), torch.randn(2, 4)
-    by_hand = [sum(m[b, i, j] * f[b, i] * t[b, j] for i in range(3) for j in range(4)) for b in range(2)]
-    assert torch.allclose(attention_score(m, f, t), torch.stack(by_hand), atol=1e-5)
-
-
-@pytest.mark.parametrize("cls", [FTAttDiscriminator, MultiClassDiscriminator])
-def test_critics_hear_the_labels(cls):
-    torch.manual_seed(0)
-    critic, x = cls(5, 3, 4), torch.randn(1, 24, 30).expand(4, -1, -1)
-    by_style = critic(x, torch.arange(4), torch.zeros(4, dtype=torch.long))
-    by_content = critic(x[:3], torch.zeros(3, dtype=torch.long), torch.arange(3))
-    assert len(set(by_style.tolist())) == 4
-    assert len(set(by_content.tolist())) == (3 if cls is FTAttDiscriminator else 1)
-
-
-def test_the_content_network_does_not_see_scale_or_offset():
-    """A manner that shifts and scales every feature for the whole window is gone after the first layer's norm."""
-    torch.manual_seed(0)
-    net, x = ContentClassifier(5, 3).eval(), torch.randn(2, 24, 50)
-    first = net.convolutions[0][0]
-    first.padding, first.padding_mode = (0,), "zeros"  # so that borders see the same offset
-    a, b = (net(y)[1][0] for y in (x, 3 * x + 2))
-    assert torch.allclose(a, b, atol=1e-3)
-
 
 # -- losses -----------------------------------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""Paper 2's generator: LSTMs against PyTorch's, streams against whole clips, mixes, initial states, sizes."""
+"""Paper 2's generator: LSTMs against PyTorch's, streams against whole clips, mixes, initial states; critics."""
 
 from dataclasses import replace
 
@@ -8,7 +8,15 @@ from torch import nn
 
 import motionkit as mk
 from motionkit import rotations as rot
-from motionkit.methods.style_erd_network import LSTMBank, Sizes, StyleErd
+from motionkit.methods.style_erd_network import (
+    ContentClassifier,
+    FTAttDiscriminator,
+    LSTMBank,
+    MultiClassDiscriminator,
+    Sizes,
+    StyleErd,
+    attention_score,
+)
 
 CONTENT, STYLE = torch.tensor([0, 2]), torch.tensor([0, 1])
 
@@ -151,3 +159,30 @@ def test_sizes_of_the_paper():
     assert net.neutral.hidden.shape == (5, 1, 6, 32)
     with pytest.raises(mk.MotionKitError, match="no style branch is deeper"):
         Sizes(neutral=2, style=3)
+
+
+def test_attention_is_equation_1():
+    torch.manual_seed(0)
+    m, f, t = torch.randn(2, 3, 4), torch.randn(2, 3), torch.randn(2, 4)
+    by_hand = [sum(m[b, i, j] * f[b, i] * t[b, j] for i in range(3) for j in range(4)) for b in range(2)]
+    assert torch.allclose(attention_score(m, f, t), torch.stack(by_hand), atol=1e-5)
+
+
+@pytest.mark.parametrize("cls", [FTAttDiscriminator, MultiClassDiscriminator])
+def test_critics_hear_the_labels(cls):
+    torch.manual_seed(0)
+    critic, x = cls(5, 3, 4), torch.randn(1, 24, 30).expand(4, -1, -1)
+    by_style = critic(x, torch.arange(4), torch.zeros(4, dtype=torch.long))
+    by_content = critic(x[:3], torch.zeros(3, dtype=torch.long), torch.arange(3))
+    assert len(set(by_style.tolist())) == 4
+    assert len(set(by_content.tolist())) == (3 if cls is FTAttDiscriminator else 1)
+
+
+def test_the_content_network_does_not_see_scale_or_offset():
+    """A manner that shifts and scales every feature for the whole window is gone after the first layer's norm."""
+    torch.manual_seed(0)
+    net, x = ContentClassifier(5, 3).eval(), torch.randn(2, 24, 50)
+    first = net.convolutions[0][0]
+    first.padding, first.padding_mode = (0,), "zeros"  # so that borders see the same offset
+    a, b = (net(y)[1][0] for y in (x, 3 * x + 2))
+    assert torch.allclose(a, b, atol=1e-3)

@@ -154,6 +154,16 @@ def split(y: Tensor) -> tuple[Tensor, Tensor]:
     return rot.normalize(turns.unflatten(-1, (joints, 4))), speeds.unflatten(-1, (joints, 3))
 
 
+def split_frames(x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """What the network is given [..., 10J] as quaternions [..., J, 4], positions and velocities [..., J, 3] each.
+
+    >>> [part.shape[-2:] for part in split_frames(torch.ones(2, 20))]
+    [torch.Size([2, 4]), torch.Size([2, 3]), torch.Size([2, 3])]
+    """
+    joints = x.shape[-1] // 10
+    return tuple(part.unflatten(-1, (joints, -1)) for part in x.split((4 * joints, 3 * joints, 3 * joints), -1))
+
+
 def placed_positions(skeleton: Skeleton, offsets: Tensor, rotations: Tensor, lowest: Tensor) -> Tensor:
     """Positions [..., J, 3] by forward kinematics, as high as the lowest foot is to be, [...] (paper 2, section 3.1).
 

@@ -1,8 +1,8 @@
 """Paper 2, Style-ERD: responsive and coherent online style transfer, one frame in, one frame out.
 
-In the order of the paper: the discriminator (eq. 1) and the content classifier (section 3.1), the losses (eqs. 2 to 9),
-training (section 3.2), and the method. The generator (section 3.1) is in `style_erd_network`, what it sees of a motion
-in `features.style_erd`; the training windows are in `style_erd_data`, what guesses labels in `style_erd_labels`, live
+In the order of the paper: the losses (section 3.2, eqs. 2 to 9), training, and the method. The networks of section 3.1
+(generator, discriminator with eq. 1, content classifier) are in `style_erd_network`, what they see of a motion in
+`features.style_erd`; the training windows are in `style_erd_data`, what guesses labels in `style_erd_labels`, live
 streams in `style_erd_stream`, a style more from one clip in `style_erd_new_style`.
 """
 
@@ -22,120 +22,26 @@ from .. import rotations as rot
 from ..checkpoints import Checkpoint, Saved, skeleton_card, training_card
 from ..datasets import Dataset, Labels
 from ..errors import MotionKitError
-from ..features.style_erd import TENTH, frames_of, lowest_foot, motion_from, placed_positions, split
+from ..features.style_erd import TENTH, frames_of, lowest_foot, motion_from, placed_positions, split, split_frames
 from ..motion import Motion
 from ..skeleton import Skeleton
 from ..training import Run, TrainConfig, TrainOrder, fit, fit_adversarial
 from .base import NEUTRAL, StyleTransfer, as_example, check_strength, without_helper_joints
-from .style_erd_data import WINDOW, Draw, Windows
-from .style_erd_labels import FRAMES, FrameClassifier, LabelTracker, label_accuracy, train_frame_classifier
-from .style_erd_network import Sizes, StyleErd, input_residual
+from .style_erd_data import Draw, Windows
+from .style_erd_labels import FRAMES, FrameClassifier, label_accuracy, recognize_frames, train_frame_classifier
+from .style_erd_network import (
+    ContentClassifier,
+    FTAttDiscriminator,
+    MultiClassDiscriminator,
+    Sizes,
+    StyleErd,
+    input_residual,
+)
 from .style_erd_stream import ErdStream, NumpyKinematics, NumpyStep
 
-CHANNELS = (64, 64)  # of the convolutions, which the paper does not give
 ADVERSARIAL, PERCEPTUAL, PENALTY = 1.0, 0.1, 128.0  # w_adv, w_per and w_gp (paper 2, below eq. 9)
 LABEL_STEPS = 1500
 _LATE = 0.5  # seconds that a guessed content comes late
-
-
-# -- the supervision modules (section 3.1) ---------------------------------------------------------------------------
-
-
-def _convolutions(inside: int, *, norm: bool) -> nn.ModuleList:
-    """1D convolutions over time that halve it, each with LeakyReLU, and instance normalisation where asked for."""
-    layers = nn.ModuleList()
-    for outside in CHANNELS:
-        parts = [nn.Conv1d(inside, outside, 5, stride=2, padding=2)]
-        parts += [nn.InstanceNorm1d(outside)] if norm else []
-        layers.append(nn.Sequential(*parts, nn.LeakyReLU(0.2)))
-        inside = outside
-    return layers
-
-
-class FTAttDiscriminator(nn.Module):
-    """The FT-Att discriminator of paper 2 (section 3.1, figure 3): what it sees counts by style and content.
-
-    joints: J; it sees positions and velocities, 6J numbers a frame. contents, styles: how many labels. frames: of a
-    window.
-
-    >>> critic = FTAttDiscriminator(joints=5, contents=3, styles=4)
-    >>> critic(torch.randn(2, 24, 30), torch.tensor([0, 3]), torch.tensor([2, 0])).shape
-    torch.Size([2])
-    """
-
-    def __init__(self, joints: int, contents: int, styles: int, frames: int = WINDOW) -> None:
-        super().__init__()
-        self.contents, self.styles = contents, styles
-        self.convolutions = _convolutions(6 * joints, norm=False)
-        self.feature, self.time = (
-            nn.Sequential(nn.Linear(styles + contents, 64), nn.LeakyReLU(0.2), nn.Linear(64, size))
-            for size in (CHANNELS[-1], -(-frames // 4))
-        )
-
-    def weights(self, style: Tensor, content: Tensor) -> tuple[Tensor, Tensor]:
-        """w_f [B, C'] and w_t [B, T'], the attention to features and to moments."""
-        one_hot = nn.functional.one_hot
-        labels = torch.cat((one_hot(style, self.styles), one_hot(content, self.contents)), 1).float()
-        return self.feature(labels), self.time(labels)
-
-    def forward(self, x: Tensor, style: Tensor, content: Tensor) -> Tensor:
-        """x: [B, F, 6J]; labels long [B]. Returns [B], high where it looks real (paper 2, eq. 1)."""
-        features = x.mT
-        for layer in self.convolutions:
-            features = layer(features)
-        return attention_score(features, *self.weights(style, content))
-
-
-def attention_score(features: Tensor, over_features: Tensor, over_time: Tensor) -> Tensor:
-    """The sum of features [B, C', T'] weighed by the outer product of [B, C'] and [B, T'] (paper 2, eq. 1), [B].
-
-    >>> attention_score(torch.ones(1, 2, 3), torch.tensor([[1.0, 2.0]]), torch.tensor([[1.0, 0.0, 1.0]]))
-    tensor([6.])
-    """
-    return (features * (over_features[:, :, None] * over_time[:, None])).sum((1, 2))
-
-
-class MultiClassDiscriminator(nn.Module):
-    """A discriminator with one head for each style (paper 2, section 5: the ablation without attention).
-
-    >>> MultiClassDiscriminator(5, 3, 4)(torch.randn(2, 24, 30), torch.tensor([0, 3]), torch.tensor([2, 0])).shape
-    torch.Size([2])
-    """
-
-    def __init__(self, joints: int, contents: int, styles: int, frames: int = WINDOW) -> None:
-        super().__init__()
-        self.convolutions = _convolutions(6 * joints, norm=False)
-        self.heads = nn.Conv1d(CHANNELS[-1], styles, -(-frames // 4))
-
-    def forward(self, x: Tensor, style: Tensor, content: Tensor) -> Tensor:
-        """As `FTAttDiscriminator.forward`; the content is not looked at."""
-        features = x.mT
-        for layer in self.convolutions:
-            features = layer(features)
-        return self.heads(features).mean(2).gather(1, style[:, None])[:, 0]
-
-
-class ContentClassifier(nn.Module):
-    """Paper 2's content supervision (section 3.1): a classifier whose layers forget style by instance normalisation.
-
-    >>> net = ContentClassifier(joints=5, contents=3)
-    >>> scores, features = net(torch.randn(2, 24, 50))
-    >>> scores.shape, [one.shape for one in features]
-    (torch.Size([2, 3]), [torch.Size([2, 64, 12]), torch.Size([2, 64, 6])])
-    """
-
-    def __init__(self, joints: int, contents: int) -> None:
-        super().__init__()
-        self.convolutions = _convolutions(10 * joints, norm=True)
-        self.head = nn.Linear(CHANNELS[-1], contents)
-
-    def forward(self, x: Tensor) -> tuple[Tensor, list[Tensor]]:
-        """x: [B, F, 10J] to scores [B, C], and phi, the maps of every convolution [B, C', F / 2, 4]."""
-        x, features = x.mT, []
-        for layer in self.convolutions:
-            x = layer(x)
-            features.append(x)
-        return self.head(x.amax(2)), features
 
 
 # -- the losses (section 3.2) ----------------------------------------------------------------------------------------
@@ -305,7 +211,7 @@ class StyleErdLoss(nn.Module):
     def generator(self, generator: StyleErd, critic: nn.Module | None, batch: dict) -> tuple[Tensor, Tensor]:
         """The generator's loss (eq. 8), and what it generated as the critic sees it, [B, F, 6J]."""
         config, x, content, target = self.config, batch["x"], batch["content"], batch["target"]
-        source = _parts(x, len(self.skeleton))
+        source = split_frames(x)
         place = partial(placed_positions, self.skeleton, batch["offsets"], lowest=lowest_foot(self.skeleton, source[1]))
         active, states = generator.one_hot(batch["style"]) + generator.one_hot(target) > 0, None
         if batch["burn_in"] is not None:
@@ -316,7 +222,7 @@ class StyleErdLoss(nn.Module):
         positions = place(styled[0])
         reconstruction = self._distance(source, (rebuilt[0], place(rebuilt[0]), rebuilt[1]))
         if config.paired:
-            pair = _parts(batch["pair"], len(self.skeleton))
+            pair = split_frames(batch["pair"])
             pair = pair[0], place(pair[0]), pair[2]
             distance = self._distance(pair, (styled[0], positions, styled[1])) * batch["has_pair"][:, None]
             reconstruction = reconstruction + config.paired * distance
@@ -360,12 +266,6 @@ class StyleErdLoss(nn.Module):
         return distance + self.config.smoothness * trembling.square().sum((-2, -1))
 
 
-def _parts(x: Tensor, joints: int) -> tuple[Tensor, Tensor, Tensor]:
-    """Frames [..., 10J] as quaternions [..., J, 4], positions and velocities [..., J, 3]."""
-    rotations, positions, velocities = x.split((4 * joints, 3 * joints, 3 * joints), -1)
-    return rotations.unflatten(-1, (joints, 4)), *(one.unflatten(-1, (joints, 3)) for one in (positions, velocities))
-
-
 def train_content_classifier(
     windows: Windows, joints: int, steps: int = 600, seed: int = 0, **running
 ) -> ContentClassifier:
@@ -402,16 +302,9 @@ def train_generator(
     torch.manual_seed(seed)
     critic = (FTAttDiscriminator if config.attention else MultiClassDiscriminator)(joints, *counts)
     generator = StyleErd(joints, *counts, config.sizes, learned=config.initial_states, gate_bias=config.gate_bias)
-    training = TrainConfig(
-        config.steps,
-        config.lr,
-        weight_decay=0.0,
-        grad_clip=1e6,
-        seed=seed,
-        ema=0.995,
-        critic_lr_ratio=config.critic_lr_ratio,
-        signature=f"{config}, {len(windows.x)} windows of {windows.contents} in {windows.styles}",
-    )
+    signature = f"{config}, {len(windows.x)} windows of {windows.contents} in {windows.styles}"
+    numbers = {"weight_decay": 0.0, "grad_clip": 1e6, "ema": 0.995, "critic_lr_ratio": config.critic_lr_ratio}
+    training = TrainConfig(config.steps, config.lr, seed=seed, signature=signature, **numbers)
     draw = Draw(windows, config.batch, config.burn_in, config.cycle > 0)
     loss = StyleErdLoss(skeleton, contents, config)
     if config.adversarial:
@@ -528,17 +421,17 @@ def evaluate_model(model: ErdModel, data: Dataset) -> dict[str, float]:
     """How far a model is right on clips that it has not learned from.
 
     `rebuilt_mm`: how far joints are from those of the input, from the pelvis, where the style that it has is asked for
-    and nothing is put back, mean over windows of `style_erd_stream.FRAMES` frames. The others are `label_accuracy`.
+    and nothing is put back, mean over windows of `style_erd_labels.FRAMES` frames. The others are `label_accuracy`.
     """
-    windows, joints, network = Windows.of(data, model.fps, FRAMES), len(model.skeleton), model.network
+    windows, network = Windows.of(data, model.fps, FRAMES), model.network
     features = network.branch_features(windows.x, windows.content, windows.style)[0]
-    output = network.decode(features, network.one_hot(windows.style))
-    positions = []
-    for rotations in (split(output)[0], windows.x[..., : 4 * joints].unflatten(-1, (joints, 4))):
-        standing = placed_positions(
-            model.skeleton, windows.offsets[:, None], rotations, torch.zeros(rotations.shape[:2])
-        )
-        positions.append(standing - standing[..., :1, :])
+    rebuilt = split(network.decode(features, network.one_hot(windows.style)))[0]
+    ground = torch.zeros(rebuilt.shape[:2])
+    positions = [
+        placed_positions(model.skeleton, windows.offsets[:, None], rotations, ground)
+        for rotations in (rebuilt, split_frames(windows.x)[0])
+    ]
+    positions = [one - one[..., :1, :] for one in positions]
     metrics = {"rebuilt_mm": round(1000 * float((positions[0] - positions[1]).norm(dim=-1).mean()), 1)}
     return metrics | (label_accuracy(model.labeller, windows) if model.labeller is not None else {})
 
@@ -639,12 +532,8 @@ class StyleErdTransfer(StyleTransfer):
         """What every frame looks like, after those before it."""
         if self.model.labeller is None:
             raise MotionKitError("style-erd: this model guesses no labels; give labels=Labels(content, style)")
-        tracker, contents, styles = LabelTracker(self.model.labeller), [], []
-        for frame in frames_of(body).x.numpy():
-            tracker.update(frame[None])
-            contents.append(self.model.contents[tracker.content[0]])
-            styles.append(self.styles[tracker.style[0]])
-        return contents, styles
+        contents, styles = recognize_frames(self.model.labeller, frames_of(body).x)
+        return [self.model.contents[n] for n in contents], [self.styles[n] for n in styles]
 
     def _labels(self, body: Motion, labels: Labels) -> tuple[list[str], str]:
         """The content of every frame and the style of the clip: as given, the others recognised.

@@ -75,6 +75,21 @@ class LabelTracker:
         return self._sure[1].argmax(1)
 
 
+def recognize_frames(labeller: FrameClassifier, x: Tensor) -> tuple[list[int], list[int]]:
+    """The likeliest content and style of every frame [F, 10J] of a motion, after those before it.
+
+    >>> contents, styles = recognize_frames(FrameClassifier(joints=5, contents=3, styles=4).eval(), torch.zeros(7, 50))
+    >>> len(contents), len(styles)
+    (7, 7)
+    """
+    tracker, contents, styles = LabelTracker(labeller), [], []
+    for frame in x.numpy():
+        tracker.update(frame[None])
+        contents.append(int(tracker.content[0]))
+        styles.append(int(tracker.style[0]))
+    return contents, styles
+
+
 def _numbers(weight: Tensor) -> np.ndarray:
     return weight.detach().numpy()
 

@@ -1,7 +1,7 @@
-"""Paper 2's generator (section 3.1): encoder, recurrent residual branches with learned initial states, decoder.
+"""Paper 2's networks, in the order of section 3.1: the generator, the discriminator (eq. 1), the content classifier.
 
-It stands apart from `style_erd`, which trains it, since live streams compute the same in NumPy (`style_erd_stream`) and
-`style_erd_new_style` adds a branch to it.
+They stand apart from `style_erd`, which trains them: live streams compute in NumPy what the generator does
+(`style_erd_stream`), and `style_erd_new_style` adds a branch to it.
 """
 
 from __future__ import annotations
@@ -14,6 +14,9 @@ from torch import Tensor, nn
 
 from .. import rotations as rot
 from ..errors import MotionKitError
+from .style_erd_data import WINDOW
+
+CHANNELS = (64, 64)  # of the convolutions, which the paper does not give
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,8 @@ class Sizes:
         """For tests."""
         return cls((8,), 6, 2, 1, (8, 8))
 
+
+# -- the generator ---------------------------------------------------------------------------------------------------
 
 State = tuple[Tensor, Tensor]  # hidden and cell states, [B, N, L, H] each
 
@@ -241,3 +246,96 @@ def _mlp(*sizes: int) -> nn.Sequential:
     """Linear layers with ReLU between."""
     layers = [nn.Linear(a, b) for a, b in zip(sizes, sizes[1:])]
     return nn.Sequential(*[part for layer in layers for part in (nn.ReLU(), layer)][1:])
+
+
+# -- the supervision modules -----------------------------------------------------------------------------------------
+
+
+def _convolutions(channels: int, *, norm: bool) -> nn.Sequential:
+    """1D convolutions over time that halve it, each with LeakyReLU, and instance normalisation where asked for."""
+    layers = nn.Sequential()
+    for before, after in zip((channels, *CHANNELS), CHANNELS):
+        convolution = nn.Conv1d(before, after, 5, stride=2, padding=2)
+        normalisation = [nn.InstanceNorm1d(after)] if norm else []
+        layers.append(nn.Sequential(convolution, *normalisation, nn.LeakyReLU(0.2)))
+    return layers
+
+
+class FTAttDiscriminator(nn.Module):
+    """The FT-Att discriminator of paper 2 (section 3.1, figure 3): what it sees counts by style and content.
+
+    joints: J; it sees positions and velocities, 6J numbers a frame. contents, styles: how many labels. frames: of a
+    window.
+
+    >>> critic = FTAttDiscriminator(joints=5, contents=3, styles=4)
+    >>> critic(torch.randn(2, 24, 30), torch.tensor([0, 3]), torch.tensor([2, 0])).shape
+    torch.Size([2])
+    """
+
+    def __init__(self, joints: int, contents: int, styles: int, frames: int = WINDOW) -> None:
+        super().__init__()
+        self.contents, self.styles = contents, styles
+        self.convolutions = _convolutions(6 * joints, norm=False)
+        self.feature, self.time = (
+            nn.Sequential(nn.Linear(styles + contents, 64), nn.LeakyReLU(0.2), nn.Linear(64, size))
+            for size in (CHANNELS[-1], -(-frames // 4))
+        )
+
+    def weights(self, style: Tensor, content: Tensor) -> tuple[Tensor, Tensor]:
+        """w_f [B, C'] and w_t [B, T'], the attention to features and to moments."""
+        one_hot = nn.functional.one_hot
+        labels = torch.cat((one_hot(style, self.styles), one_hot(content, self.contents)), 1).float()
+        return self.feature(labels), self.time(labels)
+
+    def forward(self, x: Tensor, style: Tensor, content: Tensor) -> Tensor:
+        """x: [B, F, 6J]; labels long [B]. Returns [B], high where it looks real (paper 2, eq. 1)."""
+        return attention_score(self.convolutions(x.mT), *self.weights(style, content))
+
+
+def attention_score(features: Tensor, over_features: Tensor, over_time: Tensor) -> Tensor:
+    """The sum of features [B, C', T'] weighed by the outer product of [B, C'] and [B, T'] (paper 2, eq. 1), [B].
+
+    >>> attention_score(torch.ones(1, 2, 3), torch.tensor([[1.0, 2.0]]), torch.tensor([[1.0, 0.0, 1.0]]))
+    tensor([6.])
+    """
+    return (features * (over_features[:, :, None] * over_time[:, None])).sum((1, 2))
+
+
+class MultiClassDiscriminator(nn.Module):
+    """A discriminator with one head for each style (paper 2, section 5: the ablation without attention).
+
+    >>> MultiClassDiscriminator(5, 3, 4)(torch.randn(2, 24, 30), torch.tensor([0, 3]), torch.tensor([2, 0])).shape
+    torch.Size([2])
+    """
+
+    def __init__(self, joints: int, contents: int, styles: int, frames: int = WINDOW) -> None:
+        super().__init__()
+        self.convolutions = _convolutions(6 * joints, norm=False)
+        self.heads = nn.Conv1d(CHANNELS[-1], styles, -(-frames // 4))
+
+    def forward(self, x: Tensor, style: Tensor, content: Tensor) -> Tensor:
+        """As `FTAttDiscriminator.forward`; the content is not looked at."""
+        return self.heads(self.convolutions(x.mT)).mean(2).gather(1, style[:, None])[:, 0]
+
+
+class ContentClassifier(nn.Module):
+    """Paper 2's content supervision (section 3.1): a classifier whose layers forget style by instance normalisation.
+
+    >>> net = ContentClassifier(joints=5, contents=3)
+    >>> scores, features = net(torch.randn(2, 24, 50))
+    >>> scores.shape, [one.shape for one in features]
+    (torch.Size([2, 3]), [torch.Size([2, 64, 12]), torch.Size([2, 64, 6])])
+    """
+
+    def __init__(self, joints: int, contents: int) -> None:
+        super().__init__()
+        self.convolutions = _convolutions(10 * joints, norm=True)
+        self.head = nn.Linear(CHANNELS[-1], contents)
+
+    def forward(self, x: Tensor) -> tuple[Tensor, list[Tensor]]:
+        """x: [B, F, 10J] to scores [B, C], and phi, the maps of every convolution [B, C', F / 2, 4]."""
+        x, features = x.mT, []
+        for layer in self.convolutions:
+            x = layer(x)
+            features.append(x)
+        return self.head(x.amax(2)), features
