@@ -100,11 +100,6 @@ class Frames:
         """All that the network is given of a frame (paper 2, section 3.1), [F, 10J]."""
         return torch.cat([part.flatten(1) for part in (self.rotations, self.positions, self.velocities)], 1)
 
-    @property
-    def seen(self) -> Tensor:
-        """What the critic sees, positions and velocities (paper 2, section 3.1), [F, 6J]."""
-        return torch.cat((self.positions.flatten(1), self.velocities.flatten(1)), 1)
-
 
 def frames_of(motion: Motion) -> Frames:
     """A motion of F frames, its root the pelvis, as `Frames` (paper 2, section 3.1).

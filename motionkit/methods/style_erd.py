@@ -3,7 +3,7 @@
 In the order of the paper: the losses (section 3.2, eqs. 2 to 9), training, and the method. The networks of section 3.1
 (generator, discriminator with eq. 1, content classifier) are in `style_erd_network`, what they see of a motion in
 `features.style_erd`; the training windows are in `style_erd_data`, what guesses labels in `style_erd_labels`, live
-streams in `style_erd_stream`, a style more from one clip in `style_erd_new_style`.
+streams in `style_erd_stream` and `style_erd_numpy`, a style more from one clip in `style_erd_new_style`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ from .style_erd_network import (
     StyleErd,
     input_residual,
 )
-from .style_erd_stream import ErdStream, NumpyKinematics, NumpyStep
+from .style_erd_numpy import NumpyKinematics, NumpyStep
+from .style_erd_stream import ErdStream
 
 ADVERSARIAL, PERCEPTUAL, PENALTY = 1.0, 0.1, 128.0  # w_adv, w_per and w_gp (paper 2, below eq. 9)
 LABEL_STEPS = 1500

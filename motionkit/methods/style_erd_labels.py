@@ -36,7 +36,7 @@ class FrameClassifier(nn.Module):
 class LabelTracker:
     """The labels of B streams as they come in: `update` takes a frame of each; `content` and `style` are numbers [B].
 
-    As `style_erd_stream.NumpyStep`, it does the labeller's work in NumPy, which is quicker for single frames.
+    As `style_erd_numpy.NumpyStep`, it does the labeller's work in NumPy, which is quicker for single frames.
 
     >>> guesses = LabelTracker(FrameClassifier(joints=5, contents=3, styles=4).eval())
     >>> guesses.update(np.zeros((2, 50), "f4"))

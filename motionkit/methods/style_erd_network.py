@@ -1,7 +1,7 @@
 """Paper 2's networks, in the order of section 3.1: the generator, the discriminator (eq. 1), the content classifier.
 
 They stand apart from `style_erd`, which trains them: live streams compute in NumPy what the generator does
-(`style_erd_stream`), and `style_erd_new_style` adds a branch to it.
+(`style_erd_numpy`), and `style_erd_new_style` adds a branch to it.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ import torch
 import traitlets
 
 from ..errors import MotionKitError
-from ..methods.style_erd_stream import rotate_quaternion_y, rotate_y
+from ..methods.style_erd_numpy import rotate_quaternion_y, rotate_y
 from ..motion import Motion
 from .figure import StillWidget, encode_scene, figures
 from .player import _JS, script
