@@ -198,8 +198,8 @@ class NumpyStep:
             return self._decode_mix(neutral, residual, weights), after
         own = labels[:, : self.styles] if own is None else own
         twice = np.concatenate((neutral, neutral)), np.concatenate((residual, residual), 1)
-        output, rebuilt = np.split(self._decode_mix(*twice, np.concatenate((weights, own))), 2)
-        return self._add_residual(x, output, rebuilt), after
+        both = self._decode_mix(*twice, np.concatenate((weights, own)))
+        return self._add_residual(x, both[: len(x)], both[len(x) :]), after
 
     def _decode_mix(self, neutral: np.ndarray, residual: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """The output [B, 7J] of branches [B, H] and [S - 1, B, H] in a mix of styles [B, S]; see `StyleErd.decode`."""

@@ -49,6 +49,7 @@ class ErdStream:
         self.content, self.own_style = content, own_style
         self._ask(style, strength)
         self._state, self._before, self._path, self._stages = None, None, None, None
+        self._one_hot = np.eye(len(model.styles), dtype=np.float32)
         self.held, self._last_good = np.zeros(count, int), None
 
     @property
@@ -134,9 +135,8 @@ class ErdStream:
         yaw, ground = body.facing(places), places[:, 0] * np.float32([1, 0, 1])
         gap = (self._gap / self.model.fps * TENTH)[:, None, None]
         moved = np.zeros_like(places) if self._before is None else (places - self._before) / gap
-        positions, velocities = np.split(
-            rotate_y(-yaw, np.concatenate((places - ground[:, None], moved), 1)), 2, axis=1
-        )
+        turned = rotate_y(-yaw, np.concatenate((places - ground[:, None], moved), 1))
+        positions, velocities = turned[:, : places.shape[1]], turned[:, places.shape[1] :]
         local = rotations.copy()
         local[:, 0] = rotate_quaternion_y(-yaw, rotations[:, 0])
         local *= np.where(local[..., :1] < 0, np.float32(-1), np.float32(1))
@@ -144,8 +144,7 @@ class ErdStream:
         self._guess(x)
         if self._state is None:
             self._state, self._path = self.model.step.initial_states(self._contents), ground
-        styles = np.eye(len(self.model.styles), dtype=np.float32)
-        wanted, own = self._followed(np.stack((self._wanted, styles[self._owns])))
+        wanted, own = self._followed(np.stack((self._wanted, self._one_hot[self._owns])))
         y, self._state = self.model.step.step(x, self._contents, self._owns, wanted, self._state, own)
         placed = self._placed(y, translations, yaw, body.lowest(positions))
         self._before = places
