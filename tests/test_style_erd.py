@@ -328,6 +328,15 @@ def test_a_training_that_was_broken_off_goes_on_exactly_there(data, contents, tm
         assert torch.equal(value, resumed.state_dict()[name]), name
 
 
+def test_the_papers_numbers_and_what_the_kit_adds():
+    """Supplement A: 2,000 epochs, batch 16, rates 0.0001 and 0.00005; none of the kit's additions."""
+    assert Config.paper(windows=33) == Config(Sizes.paper(), steps=2000 * 3, batch=16, lr=1e-4, critic_lr_ratio=0.5)
+    additions = ("cycle", "burn_in", "gate_bias", "smoothness", "paired")
+    assert not any(getattr(Config.paper(33), name) for name in additions) and not Sizes.paper().input_residual
+    laptop = Config.laptop()
+    assert all(getattr(laptop, name) for name in additions if name != "cycle") and laptop.sizes.input_residual
+
+
 def test_table_1_has_its_rows_and_each_leaves_out_its_part(data, contents, monkeypatch):
     full = replace(Config.laptop(), paired=0.0, sizes=Sizes.paper())
     assert list(ABLATIONS) == [
