@@ -23,7 +23,7 @@ def prior():
 
 
 def test_cards_say_what_they_must():
-    learned = ("text-mini", "actor-prior", "actor-discriminator", "actor-reader", "actor-space", "actor-style-erd")
+    learned = ("text-mini", "actor-prior", "actor-discriminator", "actor-reader", "actor-space", "actor-erd")
     for name in (*learned, "bandai-2-prior", "bandai-2-discriminator"):
         _, card = checkpoints.load(checkpoints.find(name))
         assert card["command"].startswith("python -m motionkit train ") and card["steps_per_second"] > 0
@@ -140,7 +140,7 @@ def test_style_erd_comes_near_the_performers_own_answer():
         played = perform(content, "neutral", seed=920, seconds=4.0, performer=46)
         for style in ("old", "proud", "depressed"):
             answer = retell(played, style).time_aligned(played)
-            made = method.stylize(played.motion, style, labels=mk.methods.Labels(content, "neutral"))
+            made = method.stylize(played.motion, style, content_label=content, content_style="neutral")
             errors.append((error_against(made, answer), error_against(played.motion, answer)))
     mine, untouched = (sum(part) for part in zip(*errors))
     assert mine < 0.5 * untouched
