@@ -1,4 +1,4 @@
-"""Paper 2's networks: LSTMs against PyTorch's, streams against whole clips, mixes, beginnings, critics."""
+"""Paper 2's generator: LSTMs against PyTorch's, streams against whole clips, mixes, initial states; critics."""
 
 from dataclasses import replace
 
@@ -8,12 +8,12 @@ from torch import nn
 
 import motionkit as mk
 from motionkit import rotations as rot
-from motionkit.methods.style_erd import (
+from motionkit.methods.style_erd_network import (
     ContentClassifier,
-    ErdConfig,
     FTAttDiscriminator,
     LSTMBank,
     MultiClassDiscriminator,
+    Sizes,
     StyleErd,
     attention_score,
 )
@@ -24,7 +24,7 @@ CONTENT, STYLE = torch.tensor([0, 2]), torch.tensor([0, 1])
 @pytest.fixture
 def net():
     torch.manual_seed(0)
-    made = StyleErd(joints=5, contents=3, styles=4, config=ErdConfig.tiny())
+    made = StyleErd(joints=5, contents=3, styles=4, sizes=Sizes.tiny())
     for branch in (made.neutral, made.residual):
         nn.init.normal_(branch.hidden)
         nn.init.normal_(branch.cell)
@@ -33,15 +33,15 @@ def net():
 
 def test_stacks_are_pytorchs_lstms_side_by_side():
     torch.manual_seed(0)
-    stacks, z = LSTMBank(count=3, layers=2, size=4, beginnings=2), torch.randn(2, 7, 4)
+    stacks, z = LSTMBank(count=3, layers=2, size=4, initial_states=2), torch.randn(2, 7, 4)
     nn.init.normal_(stacks.hidden)
     nn.init.normal_(stacks.cell)
-    h, c = stacks.begin(torch.tensor([1, 0]))
+    h, c = stacks.initial_state(torch.tensor([1, 0]))
     out, state = stacks(z, (h, c))
     for n in range(3):
         oracle = nn.LSTM(4, 4, 2, batch_first=True)
         for layer in range(2):
-            for name, weight in (("ih", stacks.into), ("hh", stacks.over)):
+            for name, weight in (("ih", stacks.w_ih), ("hh", stacks.w_hh)):
                 getattr(oracle, f"weight_{name}_l{layer}").data = weight.data[layer, n]
             getattr(oracle, f"bias_ih_l{layer}").data = stacks.bias.data[layer, n]
             getattr(oracle, f"bias_hh_l{layer}").data.zero_()
@@ -51,63 +51,64 @@ def test_stacks_are_pytorchs_lstms_side_by_side():
         assert torch.allclose(state[1][:, n].permute(1, 0, 2), last_c, atol=1e-6)
 
 
-def test_training_hears_only_what_it_needs(net):
+def test_training_runs_only_the_branches_that_it_needs(net):
     x, both = torch.randn(3, 6, 50), (torch.tensor([0, 2, 3]), torch.tensor([1, 0, 0]))
-    content, needed = torch.tensor([0, 2, 1]), (net.weights_of(both[0]) + net.weights_of(both[1])) > 0
-    (few, after), (every, whole) = net.hear(x, content, both[0], needed), net.listen(x, content, both[0])
-    for target in both:
-        assert torch.allclose(net.say(few, net.weights_of(target)), net.say(every, net.weights_of(target)), atol=1e-6)
-    assert not few[:, :, 1:][~needed[:, None, 1:].expand(-1, 6, -1)].any() and few[0, 0, 1].any()
-    then = net.hear(x, content, both[0], needed, after)[0]
-    assert torch.allclose(then, net.hear(x, content, both[0], needed, whole)[0], atol=1e-6)
-    assert not torch.allclose(then, few, atol=1e-3)
+    content, active = torch.tensor([0, 2, 1]), (net.one_hot(both[0]) + net.one_hot(both[1])) > 0
+    few, after = net.branch_features(x, content, both[0], active=active)
+    every, whole = net.branch_features(x, content, both[0])
+    for weights in map(net.one_hot, both):
+        assert torch.allclose(net.decode(few, weights), net.decode(every, weights), atol=1e-6)
+    assert not few[:, :, 1:][~active[:, None, 1:].expand(-1, 6, -1)].any() and few[0, 0, 1].any()
+    then = net.branch_features(x, content, both[0], active=active, states=after)[0]
+    again = net.branch_features(x, content, both[0], active=active, states=whole)[0]
+    assert torch.allclose(then, again, atol=1e-6) and not torch.allclose(then, few, atol=1e-3)
 
 
 @torch.no_grad()
-def test_what_is_lost_is_put_back(net):
+def test_the_input_residual_puts_back_what_is_lost(net):
     """In its own style a frame comes back as it was; in another it differs by what the network's two answers do."""
-    skip = StyleErd(5, 3, 4, replace(ErdConfig.tiny(), skip=True))
-    skip.load_state_dict(net.state_dict())
+    net_with = StyleErd(5, 3, 4, replace(Sizes.tiny(), input_residual=True))
+    net_with.load_state_dict(net.state_dict())
     x = torch.randn(2, 6, 50)
     x[..., :20] = rot.normalize(x[..., :20].unflatten(-1, (5, 4))).flatten(-2)
-    same, other = net.weights_of(STYLE), net.weights_of(torch.tensor([3, 2]))
-    back = skip(x, CONTENT, STYLE, same)[0]
+    same, other = net.one_hot(STYLE), net.one_hot(torch.tensor([3, 2]))
+    back = net_with(x, CONTENT, STYLE, same)[0]
     angles = rot.quaternion_angle(*(part[..., :20].unflatten(-1, (5, 4)) for part in (back, x)))
     assert angles.max() < 1e-3 and torch.allclose(back[..., 20:], x[..., 35:], atol=1e-5)
-    made, told, rebuilt = skip(x, CONTENT, STYLE, other)[0], *(net(x, CONTENT, STYLE, w)[0] for w in (other, same))
+    made, told, rebuilt = net_with(x, CONTENT, STYLE, other)[0], *(net(x, CONTENT, STYLE, w)[0] for w in (other, same))
     assert torch.allclose(made[..., 20:] - x[..., 35:], told[..., 20:] - rebuilt[..., 20:], atol=1e-5)
     made, told, rebuilt, came = (y[..., :20].unflatten(-1, (5, 4)) for y in (made, told, rebuilt, x))
     turned = rot.quaternion_multiply(made, rot.quaternion_inverse(came))
     asked = rot.quaternion_multiply(rot.normalize(told), rot.quaternion_inverse(rot.normalize(rebuilt)))
     assert rot.quaternion_angle(turned, asked).max() < 1e-3
-    whole, last = skip(x, CONTENT, STYLE, other)
-    first, state = skip(x[:, :2], CONTENT, STYLE, other)
-    assert torch.allclose(torch.cat((first, skip(x[:, 2:], CONTENT, STYLE, other, state)[0]), 1), whole, atol=1e-5)
+    whole, last = net_with(x, CONTENT, STYLE, other)
+    first, state = net_with(x[:, :2], CONTENT, STYLE, other)
+    assert torch.allclose(torch.cat((first, net_with(x[:, 2:], CONTENT, STYLE, other, state)[0]), 1), whole, atol=1e-5)
 
 
 def test_gates_may_be_open_at_first():
     torch.manual_seed(0)
-    plain = StyleErd(5, 3, 4, ErdConfig.tiny())
+    plain = StyleErd(5, 3, 4, Sizes.tiny())
     torch.manual_seed(0)
-    gap = StyleErd(5, 3, 4, ErdConfig.tiny(), opened=1.5).neutral.bias - plain.neutral.bias
+    gap = StyleErd(5, 3, 4, Sizes.tiny(), gate_bias=1.5).neutral.bias - plain.neutral.bias
     take, forget, new, give = gap.detach().chunk(4, -1)
     assert torch.allclose(take, torch.full_like(take, 1.5)) and torch.allclose(give, take)
     assert not forget.any() and not new.any()
 
 
 def test_frame_by_frame_is_the_clip_at_once(net):
-    x, wanted = torch.randn(2, 24, 50), net.weights_of(torch.tensor([3, 1]))
+    x, wanted = torch.randn(2, 24, 50), net.one_hot(torch.tensor([3, 1]))
     whole, last = net(x, CONTENT, STYLE, wanted)
     state, found = None, []
     for n in range(24):
         out, state = net(x[:, n : n + 1], CONTENT, STYLE, wanted, state)
         found.append(out)
     assert torch.allclose(torch.cat(found, 1), whole, atol=1e-5)
-    assert torch.allclose(state.neutral[0], last.neutral[0], atol=1e-5)
+    assert torch.allclose(state[0][0], last[0][0], atol=1e-5)
 
 
 def test_a_later_frame_changes_nothing_before(net):
-    x, wanted = torch.randn(2, 24, 50), net.weights_of(torch.tensor([3, 1]))
+    x, wanted = torch.randn(2, 24, 50), net.one_hot(torch.tensor([3, 1]))
     other = x.clone()
     other[:, 10:] += 1
     a, b = (net(y, CONTENT, STYLE, wanted)[0] for y in (x, other))
@@ -120,44 +121,44 @@ def test_styles_add_up_as_section_4_4_says(net):
     with torch.no_grad():
         net.decoder.weight[:, net.config.latent :] = 0
     x, one = torch.randn(2, 6, 50), torch.tensor([1, 1])
-    several = (net.weights_of(one), net.weights_of(one + 1), torch.zeros(2, 4))
+    several = (net.one_hot(one), net.one_hot(one + 1), torch.zeros(2, 4))
     a, b, none = (net(x, CONTENT, STYLE, wanted)[0] for wanted in several)
-    mixed = net(x, CONTENT, STYLE, 0.3 * net.weights_of(one) + 0.7 * net.weights_of(one + 1))[0]
+    mixed = net(x, CONTENT, STYLE, 0.3 * net.one_hot(one) + 0.7 * net.one_hot(one + 1))[0]
     assert torch.allclose(mixed, 0.3 * a + 0.7 * b, atol=1e-5)
-    half = net(x, CONTENT, STYLE, net.weights_of(one, 0.5))[0]
+    half = net(x, CONTENT, STYLE, 0.5 * (net.one_hot(one) + net.one_hot(0 * one)))[0]  # the rest is neutral
     assert torch.allclose(half, 0.5 * (a + none), atol=1e-5)
-    assert torch.allclose(net(x, CONTENT, STYLE, net.weights_of(torch.tensor([0, 0])))[0], none, atol=1e-5)
+    assert torch.allclose(net(x, CONTENT, STYLE, net.one_hot(torch.tensor([0, 0])))[0], none, atol=1e-5)
 
 
 def test_another_style_may_be_chosen_at_any_frame(net):
     """What was asked for before leaves no trace: all branches listen all the time."""
-    x, first, then = torch.randn(2, 12, 50), net.weights_of(torch.tensor([1, 1])), net.weights_of(torch.tensor([3, 3]))
+    x, first, then = torch.randn(2, 12, 50), net.one_hot(torch.tensor([1, 1])), net.one_hot(torch.tensor([3, 3]))
     wanted = torch.cat((first[:, None].expand(-1, 6, -1), then[:, None].expand(-1, 6, -1)), 1)
     out = net(x, CONTENT, STYLE, wanted)[0]
     assert torch.allclose(out[:, :6], net(x, CONTENT, STYLE, first)[0][:, :6], atol=1e-6)
     assert torch.allclose(out[:, 6:], net(x, CONTENT, STYLE, then)[0][:, 6:], atol=1e-6)
 
 
-def test_beginnings_go_by_content_and_are_learned(net):
-    begun = net.begin(torch.tensor([0, 2]))
-    assert not torch.equal(begun.neutral[0][0], begun.neutral[0][1])
-    assert torch.equal(begun.styles[0][0], begun.styles[0][1])
-    assert not torch.equal(begun.styles[0][0, 0], begun.styles[0][0, 1])
-    net(torch.randn(2, 3, 50), CONTENT, STYLE, net.weights_of(torch.tensor([3, 1])))[0].sum().backward()
+def test_initial_states_go_by_content_and_are_learned(net):
+    neutral, styles = net.initial_states(torch.tensor([0, 2]))
+    assert not torch.equal(neutral[0][0], neutral[0][1])
+    assert torch.equal(styles[0][0], styles[0][1])
+    assert not torch.equal(styles[0][0, 0], styles[0][0, 1])
+    net(torch.randn(2, 3, 50), CONTENT, STYLE, net.one_hot(torch.tensor([3, 1])))[0].sum().backward()
     assert float(net.neutral.hidden.grad[0].abs().sum()) > 0 and float(net.neutral.hidden.grad[1].abs().sum()) == 0
     assert float(net.residual.cell.grad[0, 2].abs().sum()) > 0 and float(net.residual.cell.grad[0, 1].abs().sum()) == 0
-    plain = StyleErd(5, 3, 4, ErdConfig.tiny(), learned=False)
-    assert not plain.neutral.hidden.requires_grad and not plain.begin(CONTENT).styles[1].any()
+    plain = StyleErd(5, 3, 4, Sizes.tiny(), learned=False)
+    assert not plain.neutral.hidden.requires_grad and not plain.initial_states(CONTENT)[1][1].any()
 
 
 def test_sizes_of_the_paper():
     net = StyleErd(joints=21, contents=5, styles=8)
     assert [m.out_features for m in net.encoder if isinstance(m, nn.Linear)] == [64, 32]
     assert [m.out_features for m in net.decoder if isinstance(m, nn.Linear)] == [58, 86, 128, 184, 147]
-    assert net.neutral.into.shape == (6, 1, 128, 32) and net.residual.into.shape == (4, 7, 128, 32)
+    assert net.neutral.w_ih.shape == (6, 1, 128, 32) and net.residual.w_ih.shape == (4, 7, 128, 32)
     assert net.neutral.hidden.shape == (5, 1, 6, 32)
     with pytest.raises(mk.MotionKitError, match="no style branch is deeper"):
-        ErdConfig(neutral=2, style=3)
+        Sizes(neutral=2, style=3)
 
 
 def test_attention_is_equation_1():

@@ -7,12 +7,12 @@ import time
 import numpy as np
 import pytest
 import torch
-from erd_small import small_model
 from looking import near, pixels
+from style_erd_small import small_model
 
 import motionkit as mk
 from motionkit.actor import perform
-from motionkit.methods.style_erd import StyleErdMethod
+from motionkit.methods.style_erd import StyleErdTransfer
 from motionkit.viewer import LossCurve
 from motionkit.viewer.widgets import Endless, Live
 
@@ -27,10 +27,11 @@ for n in range(50):
 def test_the_curve_follows_fit_to_its_last_step():
     line, curve = torch.nn.Linear(1, 1), LossCurve("a line")
 
-    def loss_fn(line: torch.nn.Module, _: int) -> torch.Tensor:
-        return ((line(torch.ones(4, 1)) - 3) ** 2).mean()
+    def loss_fn(line: torch.nn.Module, x: torch.Tensor) -> torch.Tensor:
+        return ((line(x) - 3) ** 2).mean()
 
-    losses = mk.training.fit(line, loss_fn, mk.training.TrainConfig(60, rate=0.1), show=curve, title="").losses
+    config = mk.training.TrainConfig(60, lr=0.1)
+    losses = mk.training.fit(line, lambda step: torch.ones(4, 1), loss_fn, config, callback=curve, title="").losses
     assert curve.losses == losses and curve.steps == list(range(60))
     raw, strong = curve.figure().axes[0].lines
     assert raw.get_ydata().tolist() == losses and raw.get_xdata().tolist() == curve.steps
@@ -145,7 +146,7 @@ def test_a_saved_notebook_holds_the_whole_curve_however_the_cell_ends():
 
 @pytest.fixture(scope="module")
 def method():
-    return StyleErdMethod(small_model(labels=True))
+    return StyleErdTransfer(small_model(labels=True))
 
 
 @pytest.fixture(scope="module")
@@ -205,7 +206,7 @@ def test_wishes_count_from_the_next_frame_on(live, method):
     live.left = "proud"
     assert live._stream.style == {"proud": 1.0}
     live.step()
-    wanted = method.model.wanted("proud", 0.8)
+    wanted = method.model.style_weights("proud", 0.8)
     assert np.allclose(live._stream._wanted[0], wanted)
     with pytest.raises(mk.MotionKitError, match="knows no style 'odl'"):
         Live(method, perform("walk", "neutral", seed=2, seconds=1.0).motion, left="odl")

@@ -62,14 +62,14 @@ SHOWN = {
     "methods.few_shot.sweep_change": "07 c28",
     "methods.few_shot.with_autoencoder": "07 c28",
     "methods.style_code.StyleCodeModel": "07 z3",
-    "methods.style_erd.StyleErd": "08 m6",
-    "methods.style_erd.FTAttDiscriminator": "08 m8",
-    "methods.style_erd.ContentClassifier": "08 m8",
-    "methods.style_erd.MultiClassDiscriminator": "08 m11",
-    "methods.style_erd.ErdConfig.paper": "08 m6",
-    "methods.style_erd.ErdModel.wanted": "08 m18",
+    "methods.style_erd_network.StyleErd": "08 m6",
+    "methods.style_erd_network.FTAttDiscriminator": "08 m8",
+    "methods.style_erd_network.ContentClassifier": "08 m8",
+    "methods.style_erd_network.MultiClassDiscriminator": "08 m11",
+    "methods.style_erd_network.Sizes.paper": "08 m6",
+    "methods.style_erd.ErdModel.style_weights": "08 m18",
     "methods.style_erd_stream.ErdStream": "08 longer-words",
-    "methods.style_erd_stream.FrameClassifier": "08 longer-words",
+    "methods.style_erd_labels.FrameClassifier": "08 longer-words",
 }
 PAPERS = """# Papers, equations, code
 

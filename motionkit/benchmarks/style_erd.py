@@ -7,6 +7,7 @@ it was. Times are taken first, on one thread.
 
 from __future__ import annotations
 
+import copy
 import hashlib
 from dataclasses import replace
 from functools import cache
@@ -21,9 +22,11 @@ import motionkit as mk
 from ..actor import perform, retell
 from ..arena import Protocol
 from ..arena.transfers import error_against
+from ..checkpoints import data_hash
+from ..datasets import Labels
+from ..features.style_erd import frames_of, split
 from ..files import cache_folder
-from ..methods.style_erd import ABLATIONS, ErdModel, StyleErdMethod, frames_of, split, train_model
-from ..training import data_hash
+from ..methods.style_erd import ABLATIONS, ErdModel, StyleErdTransfer, train_model
 from . import BASELINES, captures, compare, figure, median_seconds, table, threads
 
 ROW_STEPS = 1500  # of every row of table 1; the shipped model has more
@@ -60,29 +63,29 @@ def speed() -> dict:
     """A frame without and with kinematics, many streams at once, a long stream, agreement with the torch forward."""
     model = shipped()
     walk = perform("walk", "neutral", seed=1, seconds=10.0, fps=model.fps).motion
-    x, labels = frames_of(walk).x.numpy(), (np.array([model.number("content", "walk")]), np.array([0]))
-    wanted = model.wanted("old")[None]
+    x, labels = frames_of(walk).x.numpy(), (np.array([model.label_id("content", "walk")]), np.array([0]))
+    weights = model.style_weights("old")[None]
 
     def network():
         """A call that takes the next frame through the NumPy twin."""
-        state, frames = model.fast.begin(labels[0]), cycle(x)
+        state, frames = model.step.initial_states(labels[0]), cycle(x)
 
         def step() -> np.ndarray:
             nonlocal state
-            y, state = model.fast.step(next(frames)[None], *labels, wanted, state)
+            y, state = model.step.step(next(frames)[None], *labels, weights, state)
             return y[0]
 
         return step
 
     def streams(count: int):
         """A call that takes the next frame through so many streams at once."""
-        stream = StyleErdMethod(model).stream("old", content="walk", own_style="neutral", count=count)
+        stream = StyleErdTransfer(model).stream("old", content="walk", own_style="neutral", count=count)
         frames = cycle(zip(*(x.numpy()[:, None].repeat(count, 1) for x in (walk.rotations, walk.translations))))
         return lambda: stream.push(*next(frames))
 
     step = network()
     stepped = torch.from_numpy(np.stack([step() for _ in x]))
-    eager = model.network(torch.from_numpy(x)[None], *map(torch.from_numpy, (*labels, wanted)))[0][0]
+    eager = model.network(torch.from_numpy(x)[None], *map(torch.from_numpy, (*labels, weights)))[0][0]
     seconds, step = median_seconds(network(), 3000, warm=200), network()
     early, late = (median_seconds(step, 500, warm=warm) for warm in (200, 20_000))
     return {
@@ -100,17 +103,17 @@ def speed() -> dict:
 def figure_5() -> dict:
     """How far the first frames are from the performer's own, over all contents and styles: states learned, and zero."""
     model, frames, errors = shipped(), (*range(10), 60), {"learned": [], "zero": []}
-    zeroed = ErdModel(model.network, model.contents, model.styles, model.skeleton, model.fps)
-    zeroed.fast._neutral, zeroed.fast._styles = (
-        tuple(np.zeros_like(numbers) for numbers in part) for part in (zeroed.fast._neutral, zeroed.fast._styles)
-    )
+    zeroed = replace(model, network=copy.deepcopy(model.network))
+    for branch in (zeroed.network.neutral, zeroed.network.residual):
+        branch.hidden.zero_()
+        branch.cell.zero_()
     for k, content in enumerate(model.contents):
         played = perform(content, "neutral", seed=700 + k, seconds=4.0, fps=model.fps, performer=46)
-        labels = {"content_label": content, "content_style": "neutral"}
+        labels = Labels(content, "neutral")
         for style in model.styles[1:]:
             truth = retell(played, style).time_aligned(played)
             for name, one in (("learned", model), ("zero", zeroed)):
-                result = StyleErdMethod(one).stylize(played.motion, style, lock=False, **labels)
+                result = StyleErdTransfer(one).stylize(played.motion, style, lock_feet=False, labels=labels)
                 errors[name].append([error_against(result[n : n + 1], truth[n : n + 1]) for n in frames])
     learned, zero = (np.mean(errors[name], 0).round(2).tolist() for name in ("learned", "zero"))
     rows = [{"frame": n, "learned": a, "zero": b} for n, a, b in zip(frames, learned, zero)]
@@ -123,7 +126,7 @@ def switch_jerk() -> float:
     """Jerk while one style becomes another, every two seconds, over that in between, where the style stays."""
     model = shipped()
     walk = perform("walk", "neutral", seed=2, seconds=60.0, fps=model.fps).motion
-    stream = StyleErdMethod(model).stream("neutral", content="walk", own_style="neutral")
+    stream = StyleErdTransfer(model).stream("neutral", content="walk", own_style="neutral")
     draws, switches, positions = np.random.default_rng(0), [], []
     for n, (rotations, translations) in enumerate(zip(walk.rotations.numpy(), walk.translations.numpy())):
         if n and n % 120 == 0:
@@ -165,7 +168,7 @@ def over_best(rows: dict[str, dict], *labels: str) -> dict[str, tuple[float, str
 @table("actor", dataset="actor")
 def on_actor() -> dict:
     """On the performer's clips, beside the baselines."""
-    methods = {"style-erd": StyleErdMethod(shipped())} | {name: name for name in BASELINES}
+    methods = {"style-erd": StyleErdTransfer(shipped())} | {name: name for name in BASELINES}
     rows = compare(methods, mk.datasets.load("actor").split(), BESIDE)
     return over_best(rows, "fmd", "fmd_ae", "truth_error", "cra", "sra") | {"actor": list(rows.values())}
 
@@ -178,7 +181,7 @@ def row_model(name: str, train: mk.datasets.Dataset, steps: int = ROW_STEPS) -> 
     path = cache_folder() / "bench" / f"erd-{key}.safetensors"
     path.parent.mkdir(parents=True, exist_ok=True)
     if not path.exists():
-        train_model(train, config, label_steps=0, title="", keep=path.with_suffix(".run")).save(path)
+        train_model(train, config, label_steps=0, title="", resume=path.with_suffix(".run")).save(path)
     return ErdModel.load(path)
 
 
@@ -187,7 +190,7 @@ def table_1() -> list[dict]:
     """The rows of table 1."""
     clips = mk.datasets.load("actor").split()
     models = Parallel(n_jobs=2)(delayed(row_model)(name, clips.train) for name in ABLATIONS)
-    methods = {name: StyleErdMethod(model) for name, model in zip(ABLATIONS, models)}
+    methods = {name: StyleErdTransfer(model) for name, model in zip(ABLATIONS, models)}
     return list(compare(methods, clips, TABLE_1).values())
 
 

@@ -100,11 +100,6 @@ class Frames:
         """All that the network is given of a frame (paper 2, section 3.1), [F, 10J]."""
         return torch.cat([part.flatten(1) for part in (self.rotations, self.positions, self.velocities)], 1)
 
-    @property
-    def seen(self) -> Tensor:
-        """What the critic sees, positions and velocities (paper 2, section 3.1), [F, 6J]."""
-        return torch.cat((self.positions.flatten(1), self.velocities.flatten(1)), 1)
-
 
 def frames_of(motion: Motion) -> Frames:
     """A motion of F frames, its root the pelvis, as `Frames` (paper 2, section 3.1).
@@ -152,6 +147,16 @@ def split(y: Tensor) -> tuple[Tensor, Tensor]:
     joints = y.shape[-1] // 7
     turns, speeds = y[..., : 4 * joints], y[..., 4 * joints :]
     return rot.normalize(turns.unflatten(-1, (joints, 4))), speeds.unflatten(-1, (joints, 3))
+
+
+def split_frames(x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """What the network is given [..., 10J] as quaternions [..., J, 4], positions and velocities [..., J, 3] each.
+
+    >>> [part.shape[-2:] for part in split_frames(torch.ones(2, 20))]
+    [torch.Size([2, 4]), torch.Size([2, 3]), torch.Size([2, 3])]
+    """
+    joints = x.shape[-1] // 10
+    return tuple(part.unflatten(-1, (joints, -1)) for part in x.split((4 * joints, 3 * joints, 3 * joints), -1))
 
 
 def placed_positions(skeleton: Skeleton, offsets: Tensor, rotations: Tensor, lowest: Tensor) -> Tensor:

@@ -1,15 +1,14 @@
 """Paper 2, Style-ERD: responsive and coherent online style transfer, one frame in, one frame out.
 
-In the order of the paper: the generator (section 3.1: encoder, recurrent residual branches with learned initial states,
-decoder), the discriminator (eq. 1) and the content classifier, the losses (eqs. 2 to 9), training (section 3.2), and
-the method. What the network sees of a motion is in `features.style_erd`, the training windows are in `style_erd_data`,
-live streams in `style_erd_stream`, a style more from one clip in `style_erd_new_style`.
+In the order of the paper: the losses (section 3.2, eqs. 2 to 9), training, and the method. The networks of section 3.1
+(generator, discriminator with eq. 1, content classifier) are in `style_erd_network`, what they see of a motion in
+`features.style_erd`; the training windows are in `style_erd_data`, what guesses labels in `style_erd_labels`, live
+streams in `style_erd_stream` and `style_erd_numpy`, a style more from one clip in `style_erd_new_style`.
 """
 
 from __future__ import annotations
 
 import difflib
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, lru_cache, partial
@@ -23,356 +22,27 @@ from .. import rotations as rot
 from ..checkpoints import Checkpoint, Saved, skeleton_card, training_card
 from ..datasets import Dataset, Labels
 from ..errors import MotionKitError
-from ..features.style_erd import TENTH, frames_of, lowest_foot, motion_from, placed_positions, split
+from ..features.style_erd import TENTH, frames_of, lowest_foot, motion_from, placed_positions, split, split_frames
 from ..motion import Motion
 from ..skeleton import Skeleton
 from ..training import Run, TrainConfig, TrainOrder, fit, fit_adversarial
 from .base import NEUTRAL, StyleTransfer, as_example, check_strength, without_helper_joints
-from .style_erd_data import WINDOW, Draw, Windows
-from .style_erd_stream import (
-    FRAMES,
-    ErdStream,
-    FrameClassifier,
-    LabelTracker,
-    NumpyKinematics,
-    NumpyStep,
-    label_accuracy,
-    train_frame_classifier,
+from .style_erd_data import Draw, Windows
+from .style_erd_labels import FRAMES, FrameClassifier, label_accuracy, recognize_frames, train_frame_classifier
+from .style_erd_network import (
+    ContentClassifier,
+    FTAttDiscriminator,
+    MultiClassDiscriminator,
+    Sizes,
+    StyleErd,
+    input_residual,
 )
+from .style_erd_numpy import NumpyKinematics, NumpyStep
+from .style_erd_stream import ErdStream
 
-CHANNELS = (64, 64)  # of the convolutions, which the paper does not give
 ADVERSARIAL, PERCEPTUAL, PENALTY = 1.0, 0.1, 128.0  # w_adv, w_per and w_gp (paper 2, below eq. 9)
 LABEL_STEPS = 1500
 _LATE = 0.5  # seconds that a guessed content comes late
-
-
-@dataclass(frozen=True)
-class Sizes:
-    """Of the generator. encoder, decoder: hidden layers; latent: of z and of every LSTM; neutral, style: LSTM layers.
-
-    input_residual: whether what comes in goes around the network, too (beyond the paper, see `input_residual`).
-
-    `paper()` is paper 2, supplement A: an encoder of (64, 32), 6 LSTM layers for the neutral branch and 4 for each
-    style, a decoder of (58, 86, 128, 184), ReLU between. The paper does not say how the last of these becomes
-    quaternions and velocities; here a linear layer follows. Raises MotionKitError for sizes below 1.
-
-    >>> Sizes.paper().neutral
-    6
-    """
-
-    encoder: tuple[int, ...] = (64,)
-    latent: int = 32
-    neutral: int = 6
-    style: int = 4
-    decoder: tuple[int, ...] = (58, 86, 128, 184)
-    input_residual: bool = False
-
-    def __post_init__(self) -> None:
-        sizes = (*self.encoder, self.latent, self.neutral, self.style, *self.decoder)
-        if not all(isinstance(size, int) and size >= 1 for size in sizes) or self.style > self.neutral:
-            raise MotionKitError(f"sizes are whole numbers from 1, and no style branch is deeper than neutral; {self}")
-
-    @classmethod
-    def paper(cls) -> Sizes:
-        """As published (paper 2, supplement A)."""
-        return cls()
-
-    @classmethod
-    def tiny(cls) -> Sizes:
-        """For tests."""
-        return cls((8,), 6, 2, 1, (8, 8))
-
-
-# -- the generator (section 3.1) -------------------------------------------------------------------------------------
-
-State = tuple[Tensor, Tensor]  # hidden and cell states, [B, N, L, H] each
-
-
-class LSTMBank(nn.Module):
-    """N stacks of LSTM layers side by side, each with weights and learned initial states of its own.
-
-    initial_states: how many each stack has to choose from, such as one for each content.
-
-    >>> stacks = LSTMBank(count=3, layers=2, size=4, initial_states=1)
-    >>> z = torch.randn(2, 5, 4)
-    >>> out, state = stacks(z, stacks.initial_state(torch.zeros(2, dtype=torch.long)))
-    >>> out.shape, state[0].shape
-    (torch.Size([2, 5, 3, 4]), torch.Size([2, 3, 2, 4]))
-    """
-
-    def __init__(self, count: int, layers: int, size: int, initial_states: int) -> None:
-        super().__init__()
-        bound = 1 / math.sqrt(size)  # PyTorch's default for LSTMs, as in paper 2, supplement A
-        shape = (layers, count, 4 * size)  # the gates are i, f, g, o
-        self.w_ih = nn.Parameter(torch.empty(*shape, size).uniform_(-bound, bound))
-        self.w_hh = nn.Parameter(torch.empty(*shape, size).uniform_(-bound, bound))
-        self.bias = nn.Parameter(torch.empty(*shape).uniform_(-bound, bound))
-        self.hidden, self.cell = (nn.Parameter(torch.zeros(initial_states, count, layers, size)) for _ in range(2))
-
-    def initial_state(self, chosen: Tensor) -> State:
-        """The learned initial states, [B, N, L, H] each (paper 2, section 3.1); chosen: long [B], which."""
-        return self.hidden[chosen], self.cell[chosen]
-
-    def forward(self, z: Tensor, state: State) -> tuple[Tensor, State]:
-        """z: [B, F, H], the same for all stacks. Returns [B, F, N, H] and the state after the last frame."""
-        parts = [self.stack(n, z, (state[0][:, n], state[1][:, n])) for n in range(self.w_ih.shape[1])]
-        x, hidden, cell = (torch.stack([part[k] for part in parts], 2 - (k > 0)) for k in range(3))
-        return x, (hidden, cell)
-
-    def stack(self, n: int, z: Tensor, state: State) -> tuple[Tensor, Tensor, Tensor]:
-        """The stack with number n on z [B, F, H]; its state, and the one after the last frame, are [B, L, H] each."""
-        layers, weights, zero = len(self.w_ih), [], torch.zeros_like(self.bias[0, 0])
-        for layer in range(layers):
-            weights += [self.w_ih[layer, n], self.w_hh[layer, n], self.bias[layer, n], zero]
-        first = [part.transpose(0, 1).contiguous() for part in state]
-        x, h, c = torch.lstm(z, first, weights, True, layers, 0.0, self.training, False, True)  # what nn.LSTM calls
-        return x, h.transpose(0, 1), c.transpose(0, 1)
-
-
-class StyleErd(nn.Module):
-    """Paper 2's generator (section 3.1): encoder, neutral branch plus the target style's residual, decoder.
-
-    joints: J. contents, styles: how many labels there are, n_C and n_S, the neutral style with the number 0. learned:
-    whether the initial states are learned (table 1's last row has zeros). gate_bias: is added to the first biases of
-    the input and output gates; 0 is PyTorch's default, as in the paper.
-
-    >>> net = StyleErd(joints=5, contents=3, styles=4, sizes=Sizes.tiny())
-    >>> x, content, style = torch.randn(2, 24, 50), torch.tensor([0, 2]), torch.tensor([0, 1])
-    >>> out, state = net(x, content, style, net.one_hot(torch.tensor([3, 1])))
-    >>> out.shape
-    torch.Size([2, 24, 35])
-    """
-
-    def __init__(
-        self,
-        joints: int,
-        contents: int,
-        styles: int,
-        sizes: Sizes | None = None,
-        *,
-        learned: bool = True,
-        gate_bias: float = 0.0,
-    ) -> None:
-        super().__init__()
-        self.config = sizes = sizes or Sizes.paper()
-        self.joints, self.contents, self.styles = joints, contents, styles
-        self.encoder = _mlp(10 * joints + styles + contents, *sizes.encoder, sizes.latent)
-        self.encoder.append(nn.ReLU())
-        self.neutral = LSTMBank(1, sizes.neutral, sizes.latent, contents)
-        self.residual = LSTMBank(styles - 1, sizes.style, sizes.latent, 1)
-        self.decoder = _mlp(sizes.latent + styles, *sizes.decoder, 7 * joints)
-        for branch in (self.neutral, self.residual):
-            i, _, _, o = branch.bias.detach().chunk(4, -1)
-            i += gate_bias
-            o += gate_bias
-            branch.hidden.requires_grad_(learned)
-            branch.cell.requires_grad_(learned)
-
-    def one_hot(self, style: Tensor) -> Tensor:
-        """Style weights [B, S] that are all of one style, long [B]."""
-        return nn.functional.one_hot(style, self.styles).float()
-
-    def initial_states(self, content: Tensor) -> tuple[State, State]:
-        """Of the neutral branch and of all style branches, before the first frame; content: long [B]."""
-        return self.neutral.initial_state(content), self.residual.initial_state(torch.zeros_like(content))
-
-    def forward(
-        self, x: Tensor, content: Tensor, style: Tensor, style_weights: Tensor, states: tuple | None = None
-    ) -> tuple[Tensor, tuple[State, State]]:
-        """Frames x [B, F, 10J] with labels content and style to [B, F, 7J] in the styles that the weights say.
-
-        content: long [B], or [B, F] where it changes; style: long [B]. style_weights: [B, S] or [B, F, S], how much of
-        each style, 1 together; one 1 is that style, less of it and the rest neutral a weaker one, two styles a mix:
-        z' = r_0(z) + sum alpha r_s(z) (paper 2, section 4.4). states: after earlier frames; left out, the learned ones.
-        Returns quaternions, not yet of length 1, and velocities; and the states after the last frame.
-        """
-        features, states = self.branch_features(x, content, style, states=states)
-        output = self.decode(features, style_weights)
-        if self.config.input_residual:
-            output = input_residual(x, output, self.decode(features, self.one_hot(style)))
-        return output, states
-
-    def encode(self, x: Tensor, content: Tensor, style: Tensor) -> Tensor:
-        """z [B, F, H] of frames [B, F, 10J] with labels content, long [B] or [B, F], and style, long [B]."""
-        content = (content[:, None] if content.ndim == 1 else content).expand(-1, x.shape[1])
-        style = style[:, None].expand(-1, x.shape[1])
-        one_hot = nn.functional.one_hot
-        return self.encoder(torch.cat((x, one_hot(style, self.styles), one_hot(content, self.contents)), 2))
-
-    def branch_features(
-        self,
-        x: Tensor,
-        content: Tensor,
-        style: Tensor,
-        *,
-        active: Tensor | None = None,
-        states: tuple[State, State] | None = None,
-    ) -> tuple[Tensor, tuple[State, State]]:
-        """The outputs of all branches, [B, F, S, H], neutral first, and their states after the last frame.
-
-        All style branches run on, so that another style, or a mix, can be chosen at any frame without a jump. active:
-        bool [B, S], the only ones that are needed; the features of the others are 0. Training asks for one or two of
-        them: neither the output nor any gradient depends on the others.
-        """
-        first = content if content.ndim == 1 else content[:, 0]
-        neutral_state, style_state = self.initial_states(first) if states is None else states
-        z = self.encode(x, content, style)
-        neutral, neutral_state = self.neutral(z, neutral_state)
-        if active is None:
-            styled, style_state = self.residual(z, style_state)
-            return torch.cat((neutral, styled), 2), (neutral_state, style_state)
-        styled, style_state = neutral.new_zeros(len(z), self.styles - 1, *z.shape[1:]), list(style_state)
-        for n in range(self.styles - 1):
-            rows = torch.nonzero(active[:, n + 1])[:, 0]
-            if len(rows):
-                parts = self.residual.stack(n, z[rows], tuple(part[rows, n] for part in style_state))
-                place = rows, torch.tensor(n, device=rows.device)
-                styled, *style_state = (a.index_put(place, b) for a, b in zip((styled, *style_state), parts))
-        return torch.cat((neutral, styled.transpose(1, 2)), 2), (neutral_state, tuple(style_state))
-
-    def decode(self, features: Tensor, style_weights: Tensor) -> Tensor:
-        """The decoder's output in the styles wanted, [B, F, 7J]; features: of `branch_features`.
-
-        Where several are mixed, the root's velocity is mixed from that of each style alone: unlike poses, what the
-        decoder makes of it between two styles may be faster or slower than both (beyond paper 2, section 4.4).
-        """
-        weights = style_weights if style_weights.ndim == 3 else style_weights[:, None].expand(-1, features.shape[1], -1)
-        output = self._decode(features, weights)
-        if bool(((weights == 0) | (weights == 1)).all()):
-            return output
-        alone = [self._decode(features, one.expand_as(weights)) for one in torch.eye(self.styles).to(weights)]
-        start = 4 * self.joints
-        root = sum(weights[..., s, None] * one[..., start : start + 3] for s, one in enumerate(alone))
-        return torch.cat((output[..., :start], root, output[..., start + 3 :]), 2)
-
-    def _decode(self, features: Tensor, weights: Tensor) -> Tensor:
-        mixed = features[:, :, 0] + torch.einsum("bfs,bfsh->bfh", weights[..., 1:], features[:, :, 1:])
-        return self.decoder(torch.cat((mixed, weights), 2))
-
-
-def input_residual(x: Tensor, output: Tensor, rebuilt: Tensor) -> Tensor:
-    """What a network loses of frames when it reconstructs them, put back into its output: a skip connection.
-
-    x: frames [..., 10J]; output, rebuilt: [..., 7J] in the style wanted and in the frames' own. Each joint gets the
-    rotation from the reconstructed one to that which came in, and the velocity that is missing. Where the style wanted
-    is the frames' own, they come back as they were. Beyond paper 2, where all must go through 32 numbers.
-
-    >>> x, output = torch.nn.functional.normalize(torch.ones(2, 10), dim=0), torch.ones(2, 7)
-    >>> bool(torch.allclose(input_residual(x, output, output)[:, 4:], x[:, 7:], atol=1e-6))
-    True
-    """
-    joints = x.shape[-1] // 10
-    source, styled, own = (part[..., : 4 * joints].unflatten(-1, (joints, 4)) for part in (x, output, rebuilt))
-    lost = rot.quaternion_multiply(rot.quaternion_inverse(own), source)
-    rotations = rot.quaternion_multiply(styled, rot.quaternion_canonical(lost))
-    velocities = output[..., 4 * joints :] + x[..., 7 * joints :] - rebuilt[..., 4 * joints :]
-    return torch.cat((rotations.flatten(-2), velocities), -1)
-
-
-def _mlp(*sizes: int) -> nn.Sequential:
-    """Linear layers with ReLU between."""
-    layers = [nn.Linear(a, b) for a, b in zip(sizes, sizes[1:])]
-    return nn.Sequential(*[part for layer in layers for part in (nn.ReLU(), layer)][1:])
-
-
-# -- the supervision modules (section 3.1) ---------------------------------------------------------------------------
-
-
-def _convolutions(inside: int, *, norm: bool) -> nn.ModuleList:
-    """1D convolutions over time that halve it, each with LeakyReLU, and instance normalisation where asked for."""
-    layers = nn.ModuleList()
-    for outside in CHANNELS:
-        parts = [nn.Conv1d(inside, outside, 5, stride=2, padding=2)]
-        parts += [nn.InstanceNorm1d(outside)] if norm else []
-        layers.append(nn.Sequential(*parts, nn.LeakyReLU(0.2)))
-        inside = outside
-    return layers
-
-
-class FTAttDiscriminator(nn.Module):
-    """The FT-Att discriminator of paper 2 (section 3.1, figure 3): what it sees counts by style and content.
-
-    joints: J; it sees positions and velocities, 6J numbers a frame. contents, styles: how many labels. frames: of a
-    window.
-
-    >>> critic = FTAttDiscriminator(joints=5, contents=3, styles=4)
-    >>> critic(torch.randn(2, 24, 30), torch.tensor([0, 3]), torch.tensor([2, 0])).shape
-    torch.Size([2])
-    """
-
-    def __init__(self, joints: int, contents: int, styles: int, frames: int = WINDOW) -> None:
-        super().__init__()
-        self.contents, self.styles = contents, styles
-        self.convolutions = _convolutions(6 * joints, norm=False)
-        self.feature, self.time = (
-            nn.Sequential(nn.Linear(styles + contents, 64), nn.LeakyReLU(0.2), nn.Linear(64, size))
-            for size in (CHANNELS[-1], -(-frames // 4))
-        )
-
-    def weights(self, style: Tensor, content: Tensor) -> tuple[Tensor, Tensor]:
-        """w_f [B, C'] and w_t [B, T'], the attention to features and to moments."""
-        one_hot = nn.functional.one_hot
-        labels = torch.cat((one_hot(style, self.styles), one_hot(content, self.contents)), 1).float()
-        return self.feature(labels), self.time(labels)
-
-    def forward(self, x: Tensor, style: Tensor, content: Tensor) -> Tensor:
-        """x: [B, F, 6J]; labels long [B]. Returns [B], high where it looks real (paper 2, eq. 1)."""
-        features = x.mT
-        for layer in self.convolutions:
-            features = layer(features)
-        return attention_score(features, *self.weights(style, content))
-
-
-def attention_score(features: Tensor, over_features: Tensor, over_time: Tensor) -> Tensor:
-    """The sum of features [B, C', T'] weighed by the outer product of [B, C'] and [B, T'] (paper 2, eq. 1), [B].
-
-    >>> attention_score(torch.ones(1, 2, 3), torch.tensor([[1.0, 2.0]]), torch.tensor([[1.0, 0.0, 1.0]]))
-    tensor([6.])
-    """
-    return (features * (over_features[:, :, None] * over_time[:, None])).sum((1, 2))
-
-
-class MultiClassDiscriminator(nn.Module):
-    """A discriminator with one head for each style (paper 2, section 5: the ablation without attention).
-
-    >>> MultiClassDiscriminator(5, 3, 4)(torch.randn(2, 24, 30), torch.tensor([0, 3]), torch.tensor([2, 0])).shape
-    torch.Size([2])
-    """
-
-    def __init__(self, joints: int, contents: int, styles: int, frames: int = WINDOW) -> None:
-        super().__init__()
-        self.convolutions = _convolutions(6 * joints, norm=False)
-        self.heads = nn.Conv1d(CHANNELS[-1], styles, -(-frames // 4))
-
-    def forward(self, x: Tensor, style: Tensor, content: Tensor) -> Tensor:
-        """As `FTAttDiscriminator.forward`; the content is not looked at."""
-        features = x.mT
-        for layer in self.convolutions:
-            features = layer(features)
-        return self.heads(features).mean(2).gather(1, style[:, None])[:, 0]
-
-
-class ContentClassifier(nn.Module):
-    """Paper 2's content supervision (section 3.1): a classifier whose layers forget style by instance normalisation.
-
-    >>> net = ContentClassifier(joints=5, contents=3)
-    >>> scores, features = net(torch.randn(2, 24, 50))
-    >>> scores.shape, [one.shape for one in features]
-    (torch.Size([2, 3]), [torch.Size([2, 64, 12]), torch.Size([2, 64, 6])])
-    """
-
-    def __init__(self, joints: int, contents: int) -> None:
-        super().__init__()
-        self.convolutions = _convolutions(10 * joints, norm=True)
-        self.head = nn.Linear(CHANNELS[-1], contents)
-
-    def forward(self, x: Tensor) -> tuple[Tensor, list[Tensor]]:
-        """x: [B, F, 10J] to scores [B, C], and phi, the maps of every convolution [B, C', F / 2, 4]."""
-        x, features = x.mT, []
-        for layer in self.convolutions:
-            x = layer(x)
-            features.append(x)
-        return self.head(x.amax(2)), features
 
 
 # -- the losses (section 3.2) ----------------------------------------------------------------------------------------
@@ -542,7 +212,7 @@ class StyleErdLoss(nn.Module):
     def generator(self, generator: StyleErd, critic: nn.Module | None, batch: dict) -> tuple[Tensor, Tensor]:
         """The generator's loss (eq. 8), and what it generated as the critic sees it, [B, F, 6J]."""
         config, x, content, target = self.config, batch["x"], batch["content"], batch["target"]
-        source = _parts(x, len(self.skeleton))
+        source = split_frames(x)
         place = partial(placed_positions, self.skeleton, batch["offsets"], lowest=lowest_foot(self.skeleton, source[1]))
         active, states = generator.one_hot(batch["style"]) + generator.one_hot(target) > 0, None
         if batch["burn_in"] is not None:
@@ -553,7 +223,7 @@ class StyleErdLoss(nn.Module):
         positions = place(styled[0])
         reconstruction = self._distance(source, (rebuilt[0], place(rebuilt[0]), rebuilt[1]))
         if config.paired:
-            pair = _parts(batch["pair"], len(self.skeleton))
+            pair = split_frames(batch["pair"])
             pair = pair[0], place(pair[0]), pair[2]
             distance = self._distance(pair, (styled[0], positions, styled[1])) * batch["has_pair"][:, None]
             reconstruction = reconstruction + config.paired * distance
@@ -597,12 +267,6 @@ class StyleErdLoss(nn.Module):
         return distance + self.config.smoothness * trembling.square().sum((-2, -1))
 
 
-def _parts(x: Tensor, joints: int) -> tuple[Tensor, Tensor, Tensor]:
-    """Frames [..., 10J] as quaternions [..., J, 4], positions and velocities [..., J, 3]."""
-    rotations, positions, velocities = x.split((4 * joints, 3 * joints, 3 * joints), -1)
-    return rotations.unflatten(-1, (joints, 4)), *(one.unflatten(-1, (joints, 3)) for one in (positions, velocities))
-
-
 def train_content_classifier(
     windows: Windows, joints: int, steps: int = 600, seed: int = 0, **running
 ) -> ContentClassifier:
@@ -633,20 +297,15 @@ def train_generator(
     windows = Windows.of(data, config.fps, paired=config.paired > 0)
     skeleton = without_helper_joints(data[0].motion).skeleton
     joints, counts = len(skeleton), (len(windows.contents), len(windows.styles))
-    contents = contents if contents is not None else train_content_classifier(windows, joints, seed=seed)
+    if contents is None:
+        title = running.get("title", "training") and "contents"
+        contents = train_content_classifier(windows, joints, seed=seed, title=title)
     torch.manual_seed(seed)
     critic = (FTAttDiscriminator if config.attention else MultiClassDiscriminator)(joints, *counts)
     generator = StyleErd(joints, *counts, config.sizes, learned=config.initial_states, gate_bias=config.gate_bias)
-    training = TrainConfig(
-        config.steps,
-        config.lr,
-        weight_decay=0.0,
-        grad_clip=1e6,
-        seed=seed,
-        ema=0.995,
-        critic_lr_ratio=config.critic_lr_ratio,
-        signature=f"{config}, {len(windows.x)} windows of {windows.contents} in {windows.styles}",
-    )
+    signature = f"{config}, {len(windows.x)} windows of {windows.contents} in {windows.styles}"
+    numbers = {"weight_decay": 0.0, "grad_clip": 1e6, "ema": 0.995, "critic_lr_ratio": config.critic_lr_ratio}
+    training = TrainConfig(config.steps, config.lr, seed=seed, signature=signature, **numbers)
     draw = Draw(windows, config.batch, config.burn_in, config.cycle > 0)
     loss = StyleErdLoss(skeleton, contents, config)
     if config.adversarial:
@@ -751,9 +410,8 @@ def train_model(
     network, run, windows = train_generator(data, config, seed, **running)
     model = ErdModel(network, windows.contents, windows.styles, skeleton, config.fps)
     if label_steps:
-        quiet = {"title": running.get("title", "") and "labels"}
-        longer = Windows.of(data, config.fps, FRAMES)
-        model.labeller = train_frame_classifier(longer, len(skeleton), label_steps, seed, **quiet)
+        longer, title = Windows.of(data, config.fps, FRAMES), running.get("title", "training") and "labels"
+        model.labeller = train_frame_classifier(longer, len(skeleton), label_steps, seed, title=title)
     model.card = training_card(data, TrainConfig(config.steps, config.lr, seed=seed), run, network)
     model.card["batch"] = config.batch
     return model
@@ -764,17 +422,17 @@ def evaluate_model(model: ErdModel, data: Dataset) -> dict[str, float]:
     """How far a model is right on clips that it has not learned from.
 
     `rebuilt_mm`: how far joints are from those of the input, from the pelvis, where the style that it has is asked for
-    and nothing is put back, mean over windows of `style_erd_stream.FRAMES` frames. The others are `label_accuracy`.
+    and nothing is put back, mean over windows of `style_erd_labels.FRAMES` frames. The others are `label_accuracy`.
     """
-    windows, joints, network = Windows.of(data, model.fps, FRAMES), len(model.skeleton), model.network
+    windows, network = Windows.of(data, model.fps, FRAMES), model.network
     features = network.branch_features(windows.x, windows.content, windows.style)[0]
-    output = network.decode(features, network.one_hot(windows.style))
-    positions = []
-    for rotations in (split(output)[0], windows.x[..., : 4 * joints].unflatten(-1, (joints, 4))):
-        standing = placed_positions(
-            model.skeleton, windows.offsets[:, None], rotations, torch.zeros(rotations.shape[:2])
-        )
-        positions.append(standing - standing[..., :1, :])
+    rebuilt = split(network.decode(features, network.one_hot(windows.style)))[0]
+    ground = torch.zeros(rebuilt.shape[:2])
+    positions = [
+        placed_positions(model.skeleton, windows.offsets[:, None], rotations, ground)
+        for rotations in (rebuilt, split_frames(windows.x)[0])
+    ]
+    positions = [one - one[..., :1, :] for one in positions]
     metrics = {"rebuilt_mm": round(1000 * float((positions[0] - positions[1]).norm(dim=-1).mean()), 1)}
     return metrics | (label_accuracy(model.labeller, windows) if model.labeller is not None else {})
 
@@ -875,12 +533,8 @@ class StyleErdTransfer(StyleTransfer):
         """What every frame looks like, after those before it."""
         if self.model.labeller is None:
             raise MotionKitError("style-erd: this model guesses no labels; give labels=Labels(content, style)")
-        tracker, contents, styles = LabelTracker(self.model.labeller), [], []
-        for frame in frames_of(body).x.numpy():
-            tracker.update(frame[None])
-            contents.append(self.model.contents[tracker.content[0]])
-            styles.append(self.styles[tracker.style[0]])
-        return contents, styles
+        contents, styles = recognize_frames(self.model.labeller, frames_of(body).x)
+        return [self.model.contents[n] for n in contents], [self.styles[n] for n in styles]
 
     def _labels(self, body: Motion, labels: Labels) -> tuple[list[str], str]:
         """The content of every frame and the style of the clip: as given, the others recognised.

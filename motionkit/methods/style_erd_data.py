@@ -12,7 +12,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from ..datasets import Clip, Dataset
+from ..datasets import Dataset
 from ..errors import MotionKitError
 from ..features.style_erd import frames_of, zero_first_velocity
 from ..motion import Motion
@@ -56,16 +56,16 @@ class Windows:
             raise MotionKitError(f"Style-ERD needs a neutral style; dataset {data.name!r} has {', '.join(data.styles)}")
         styles = (*plain[:1], *(style for style in data.styles if style not in plain))
         rows: list[tuple] = []
-        warped: list[tuple] = []
-        pairs = _Partners(data) if paired else None
+        warped: list[tuple] = []  # with the number of the window that each is paired with
+        pairs = NeutralPairs(data, smooth=True) if paired else None
+        done_neutrally = {clip.content for clip in data if clip.style == styles[0]}
         for clip in data:
-            labels = data.contents.index(clip.content), styles.index(clip.style)
-            found = _windows(without_helper_joints(clip.motion), fps, frames, *labels)
-            partner = pairs.of(clip) if pairs and labels[1] else None
-            if partner is not None:
-                partners = _windows(partner, fps, frames, labels[0], 0)
-                warped += [(len(rows) + k, row) for k, row in enumerate(partners)]
-            rows += found
+            body = without_helper_joints(clip.motion)
+            content, style = data.contents.index(clip.content), styles.index(clip.style)
+            if pairs and style and clip.content in done_neutrally:
+                neutral = pairs.pair(body, clip.content, like=body).neutral
+                warped += enumerate(_windows(neutral, fps, frames, content, 0), len(rows))
+            rows += _windows(body, fps, frames, content, style)
         if not rows:
             raise MotionKitError(f"no clip of {data.name!r} has {frames} frames at {fps:g} a second")
         num_captured, paired_with = len(rows), torch.full((len(rows) + len(warped),), -1)
@@ -168,19 +168,6 @@ class Draw:
             target.append(others[int(torch.rand(()) * len(others))] if style == 0 and others else 0)
         pair = windows.paired_with[chosen]
         return chosen, torch.where(pair < 0, torch.tensor(target), windows.style[pair])
-
-
-class _Partners:
-    """For styled clips of a dataset its neutral clips, each the nearest of its content, in the styled clip's time."""
-
-    def __init__(self, data: Dataset) -> None:
-        self.pairs = NeutralPairs(data, smooth=True)
-        self.able = {clip.content for clip in data.filter(style=next(s for s in data.styles if s in NEUTRAL))}
-
-    def of(self, clip: Clip) -> Motion | None:
-        """The neutral motion; None where nobody does this neutrally."""
-        body = without_helper_joints(clip.motion)
-        return self.pairs.pair(body, clip.content, like=body).neutral if clip.content in self.able else None
 
 
 def _windows(motion: Motion, fps: float, frames: int, content: int, style: int) -> list[tuple]:

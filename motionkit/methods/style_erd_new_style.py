@@ -14,8 +14,9 @@ from ..errors import MotionKitError
 from ..features.style_erd import Frames, frames_of, lowest_foot, placed_positions, split, zero_first_velocity
 from ..motion import Motion
 from ..training import Run, TrainConfig, fit
-from .style_erd import ErdModel, LSTMBank, StyleErd, input_residual, quaternion_loss, reconstruction_loss
+from .style_erd import ErdModel, quaternion_loss, reconstruction_loss
 from .style_erd_data import WINDOW
+from .style_erd_network import LSTMBank, StyleErd, input_residual
 
 STEPS, LR, BATCH = 400, 1e-3, 16
 _STAY = 1.0  # how much it counts how far the new branch goes from where it began
@@ -26,7 +27,7 @@ class StyleBranch(nn.Module):
 
     like: the number of a known style whose branch it begins as.
 
-    >>> from motionkit.methods.style_erd import Sizes
+    >>> from motionkit.methods.style_erd_network import Sizes
     >>> net = StyleErd(joints=5, contents=3, styles=4, sizes=Sizes.tiny())
     >>> branch, x = StyleBranch(net, like=2), torch.randn(2, 24, 50)
     >>> branch(x, torch.tensor([0, 2]), torch.tensor([0, 0])).shape

@@ -15,7 +15,7 @@ import torch
 import traitlets
 
 from ..errors import MotionKitError
-from ..methods.style_erd_stream import rotate_quaternion_y, rotate_y
+from ..methods.style_erd_numpy import rotate_quaternion_y, rotate_y
 from ..motion import Motion
 from .figure import StillWidget, encode_scene, figures
 from .player import _JS, script
@@ -27,7 +27,7 @@ _DRAWN = 2000  # points of a line; more cannot be told apart
 
 
 class LossCurve:
-    """A curve of the loss that grows in the notebook while a network learns: `fit(..., show=curve)`.
+    """A curve of the loss that grows in the notebook while a network learns: `fit(..., callback=curve)`.
 
     Call it with the number of each step and its loss. In a notebook it shows itself at the first step and is drawn
     anew every `every` seconds at most, less often where drawing would take more than a twentieth of the time; when the
@@ -257,10 +257,10 @@ class Live(StillWidget, anywidget.AnyWidget):
     At the right a dial of all styles; a pad on which left and right mix two of them and up is more; and how much of it
     all, where above 1 is beyond what was learned from. Wishes fade in from the next frame on.
 
-    method: `mk.methods.load("style-erd")`, or anything with its `stream`, `seen` and `model`. content: a motion, which
-    is played again and again. label, own_style: what it does, and in which style; left out, the method guesses frame by
-    frame. left, right: two styles to begin with. height: pixels. Raises MotionKitError for a content that the method
-    cannot take, and unknown styles.
+    method: `mk.methods.load("style-erd")`, or anything with its `stream`, `onto_model` and `model`. content: a motion,
+    which is played again and again. label, own_style: what it does, and in which style; left out, the method guesses
+    frame by frame. left, right: two styles to begin with. height: pixels. Raises MotionKitError for a content that the
+    method cannot take, and unknown styles.
 
     `left`, `right`, `mix` (0 to 1), `strength` and `playing` are traits. `result` are the last two seconds, `times`
     milliseconds: of a frame through the stream, and from here to the browser and back.
@@ -294,7 +294,7 @@ class Live(StillWidget, anywidget.AnyWidget):
         right: str = "proud",
         height: int = 400,
     ) -> None:
-        if not all(hasattr(method, name) for name in ("stream", "seen", "model")):
+        if not all(hasattr(method, name) for name in ("stream", "onto_model", "model")):
             raise MotionKitError(f"Live needs a method that streams, such as 'style-erd'; found {method!r:.80}")
         on_model = method.onto_model(content)
         model, characters = method.model, figures([on_model, on_model], roles=["content", "result"])

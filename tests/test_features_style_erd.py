@@ -5,7 +5,15 @@ import torch
 import motionkit as mk
 from motionkit import rotations as rot
 from motionkit.actor import perform
-from motionkit.methods.style_erd import Frames, frames_of, lowest_foot, motion_from, placed_positions, split
+from motionkit.features.style_erd import (
+    Frames,
+    frames_of,
+    lowest_foot,
+    motion_from,
+    placed_positions,
+    split,
+    split_frames,
+)
 
 
 def walk(seconds=3.0) -> mk.Motion:
@@ -41,11 +49,13 @@ def test_velocities_are_the_same_at_every_frame_rate():
     assert torch.allclose(slow, fast, rtol=0.02) and 0.02 < float(slow) < 0.2  # metres in a tenth of a second
 
 
-def test_what_critic_and_network_see():
+def test_what_the_network_sees_and_says():
     seen = frames_of(walk())
     assert isinstance(seen, Frames) and len(seen) == 90
-    assert seen.x.shape == (90, 220) and torch.equal(seen.x[:, 88:], seen.seen)
+    assert seen.x.shape == (90, 220)
     assert bool((seen.rotations[..., 0] >= 0).all())
+    for part, whole in zip(split_frames(seen.x), (seen.rotations, seen.positions, seen.velocities), strict=True):
+        assert torch.equal(part, whole)
     turns, speeds = split(torch.cat((3 * seen.rotations.flatten(1), seen.velocities.flatten(1)), 1))
     assert torch.allclose(turns, seen.rotations, atol=1e-6) and torch.equal(speeds, seen.velocities)
 
