@@ -102,9 +102,10 @@ def test_bad_keypoints(points, names, fps, message):
 
 def test_a_style_from_keypoints(walk):
     """The whole way of paper 1, section 5.1: keypoints, motion, a style that is learned."""
-    from motionkit.methods.few_shot import Recipe
+    from motionkit.methods.few_shot import Config
 
-    recipe = Recipe(steps=1, batch=1, pair_steps=5, weights=(1.0, 0.0))
-    method = mk.methods.load("few-shot", recipe=recipe)
-    method.learn(motion_from_keypoints(seen(walk, COCO), COCO, 30), "an old person walks", title="")
-    assert len(method.stylize(mk.load("data/actor/walk_neutral.bvh"), caption="a person walks")) == 120
+    config = Config(steps=1, batch=1, pair_steps=5, loss_weights=(1.0, 0.0))
+    method = mk.methods.load("few-shot", config=config)
+    style = method.learn(motion_from_keypoints(seen(walk, COCO), COCO, 30), "an old person walks", title="")
+    labels = mk.methods.Labels(texts=("a person walks",))
+    assert len(method.stylize(mk.load("data/actor/walk_neutral.bvh"), style, labels=labels)) == 120
