@@ -121,7 +121,7 @@ class StyleEncoder(Checkpoint):
 
 @dataclass(eq=False)
 class StyleCodeModel(Checkpoint):
-    """One model for every style, which paper 1, section 7, leaves open: a code says which; `train style-code` makes it.
+    """One model for every style (paper 1, section 7, leaves it open): a code says which; `train style-code` makes it.
 
     prior: what takes motions forwards. network: what takes them back. partial: the steps that it was taught on.
     encoder: what reads a code off a styled motion; without one a style is looked for from neutral on.
