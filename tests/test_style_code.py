@@ -318,6 +318,8 @@ def test_a_pickled_method_answers_the_same(method):
         (lambda m, w: m.stylize(w, "prowd"), "Did you mean 'proud'"),
         (lambda m, w: m.stylize(w, "a person walks"), "says nothing of a style"),
         (lambda m, w: m.stylize(w, "old.safetensors"), r"read it first: method.load_style\('old.safetensors'\)"),
+        (lambda m, w: m.stylize(w, "my old walk.bvh"), r"read it first: mk.load\('my old walk.bvh'\)"),
+        (lambda m, w: m.stylize(w, "my clip.bvh"), r"read it first: mk.load\('my clip.bvh'\)"),
         (lambda m, w: m.stylize(w, "old.bvh"), r"read it first: mk.load\('old.bvh'\)"),
         (lambda m, w: m.stylize(w, {"old": float("nan")}), "weight of style 'old' must be a number .* found nan"),
         (lambda m, w: m.stylize(w, {"old": "a"}), "weight of style 'old' must be a number .* found 'a'"),

@@ -360,10 +360,10 @@ class StyleCodeTransfer(FewShot):
 
     def read_name(self, name: str) -> StyleCode:
         """A label of the library, or a sentence that speaks of one: the mean of the codes read off its clips."""
-        known = [style for style in self.pairs.library.styles if style not in NEUTRAL]
-        label = name.lower() if name.lower() in known else text.style_in(name) if " " in name else name.lower()
         if name.endswith((".safetensors", ".bvh")) or self.codes.encoder is None:
             return super().read_name(name)
+        known = [style for style in self.pairs.library.styles if style not in NEUTRAL]
+        label = name.lower() if name.lower() in known or " " not in name else text.style_in(name)
         if label not in known:
             near = difflib.get_close_matches(label, known, 1, 0.5)
             hint = f" Did you mean {near[0]!r}?" if near else ""
