@@ -23,8 +23,8 @@ _TRAINERS = {
     "text": "text.train:make_text",
     "prior": "methods.text_to_motion:make_prior",
     "discriminator": "methods.text_to_motion:make_discriminator",
-    "style-code": "methods.style_code:make_style_code",
-    "style-encoder": "methods.style_code:make_style_encoder",
+    "style-code": "methods.style_code_training:make_style_code",
+    "style-encoder": "methods.style_code_training:make_style_encoder",
     "style-erd": "methods.style_erd:make_style_erd",
 }
 _JUDGES = ("content", "style", "autoencoder")

@@ -44,8 +44,9 @@ def test_imagine_writes_what_a_sentence_says(tmp_path, capsys):
 
 def test_a_style_by_name_says_which_methods_know_names(tmp_path, capsys):
     out = str(tmp_path / "no.bvh")
-    assert main(["stylize", "data/actor/walk_neutral.bvh", "--style", "old", "-o", out]) == 2
-    assert "--method style-code or --method style-erd" in capsys.readouterr().err
+    for method in ([], ["--method", "few-shot"]):
+        assert main(["stylize", "data/actor/walk_neutral.bvh", "--style", "old", *method, "-o", out]) == 2
+        assert "--method style-code or --method style-erd" in capsys.readouterr().err
     assert main(["stylize", "data/actor/walk_neutral.bvh", "--style", "old", "--method", "few-shto", "-o", out]) == 2
     assert "did you mean 'few-shot'" in capsys.readouterr().err
     nowhere = str(tmp_path / "nowhere" / "old.safetensors")
@@ -78,6 +79,19 @@ def test_styles_by_name_and_codes_of_styles(tmp_path, capsys):
         assert main([*stylize, known, "--method", "style-code"]) == 0 and len(mk.load(out)) > 60
     assert main([*stylize, "purple", "--method", "style-code"]) == 2
     assert "'purple' is no style" in capsys.readouterr().err
+
+
+def test_learn_by_the_papers_method(tmp_path, capsys, monkeypatch):
+    from motionkit.methods import few_shot
+
+    monkeypatch.setattr(few_shot.Config, "laptop", few_shot.Config.tiny)
+    style, out = tmp_path / "old.safetensors", tmp_path / "walk.bvh"
+    learn = ["learn", "data/actor/walk_old.bvh", "--method", "few-shot", "--steps", "1", "-o", str(style)]
+    assert main(learn) == 2 and "from a clip and a sentence" in capsys.readouterr().err
+    assert main([*learn, "--prompt", "an old person walks"]) == 0
+    assert "learning by few-shot" in capsys.readouterr().out
+    assert main(["stylize", "data/actor/walk_neutral.bvh", "--style", str(style), "-o", str(out)]) == 0
+    assert len(mk.load(out)) == 120
 
 
 def test_play_writes_a_page_without_network(tmp_path, capsys):

@@ -25,11 +25,11 @@ class Acted:
         if not prompt:
             raise mk.MotionKitError("the prompt is empty")
         self.clip = clip
-        return SimpleNamespace(style=prompt.split()[-1])
+        return SimpleNamespace(name=prompt.split()[-1])
 
-    def stylize(self, content, style, strength, caption):
-        self.asked.append((content.name, style.style, strength, caption))
-        return content.replace(name=f"{content.name} as {style.style}")
+    def stylize(self, content, style, strength, labels):
+        self.asked.append((content.name, style.name, strength, labels.caption))
+        return content.replace(name=f"{content.name} as {style.name}")
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def test_a_file_is_learned_and_played(lesson):
 
 def test_a_first_clip_is_learned_at_once():
     lesson = StyleLesson(Acted(), CONTENTS, mk.load("data/actor/walk_old.bvh"), "a person walks old")
-    assert lesson.learned.style == "old" and lesson.results[0].name == "walk_neutral as old"
+    assert lesson.learned.name == "old" and lesson.results[0].name == "walk_neutral as old"
     with pytest.raises(mk.MotionKitError, match="the prompt is empty"):
         StyleLesson(Acted(), CONTENTS, WALK)
 

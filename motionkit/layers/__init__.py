@@ -1,6 +1,7 @@
-"""Network parts that two methods or more share."""
+"""Network parts that no paper has to itself."""
 
 from .graph import StGcn, StGcnBlock, StGcnConfig, spatial_partitions
+from .lora import LoRA
 from .transformer import (
     Denoiser,
     PoseEmbedding,
@@ -14,6 +15,7 @@ from .transformer import (
 
 __all__ = [
     "Denoiser",
+    "LoRA",
     "PoseEmbedding",
     "PoseOutput",
     "SemanticEncoder",

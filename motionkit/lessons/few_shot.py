@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from .. import bvh
+from ..datasets import Labels
 from ..errors import MotionKitError
 from ..motion import Motion
 from ..viewer.player import Player
@@ -27,9 +28,9 @@ class StyleLesson(MessageBox):
     in that style, each on the spot. What is wrong with a clip or a sentence is told under the controls, and what was
     learned before stays.
 
-    method: of `methods.load("few-shot")`, or anything with its `learn` and `stylize`. contents: by their captions,
-    neutral motions. style, prompt: a clip and its sentence to begin with; left out, nothing is learned yet. Raises
-    MotionKitError if there are no contents, or if the first clip cannot be learned from.
+    method: of `methods.load("few-shot")` or "style-code", or anything with their `learn` and `stylize`. contents: by
+    their captions, neutral motions. style, prompt: a clip and its sentence to begin with; left out, nothing is learned
+    yet. Raises MotionKitError if there are no contents, or if the first clip cannot be learned from.
 
     controls: "file", "prompt", "content" and "strength", name to widget; set their values and it follows; `learn()` is
     what the button does. `results` are the restyled motions shown, `learned` the style, `message` what stands under the
@@ -93,7 +94,7 @@ class StyleLesson(MessageBox):
         if self._clip is None:
             raise MotionKitError("no clip was given yet: choose a BVH file first")
         self.learned = self._method.learn(self._clip, self.controls["prompt"].value, title="")
-        self._tell("said", f"learned {self.learned.style!r} from {self._clip.name!r}, {self._clip.duration:.1f} s")
+        self._tell("said", f"learned {self.learned.name!r} from {self._clip.name!r}, {self._clip.duration:.1f} s")
         self._play()
 
     def _read(self) -> None:
@@ -114,12 +115,15 @@ class StyleLesson(MessageBox):
             return
         strength = self.controls["strength"].value
         try:
-            results = [self._method.stylize(one, style, strength, caption=text) for one, text in zip(plain, captions)]
+            results = [
+                self._method.stylize(content, style, strength, labels=Labels(texts=(caption,)))
+                for content, caption in zip(plain, captions)
+            ]
         except MotionKitError as error:
             self._tell("error", str(error))
             return
         self.results = results
-        shown, names, roles = [*plain, *results], ["content", style.style], ["content", "result"]
+        shown, names, roles = [*plain, *results], ["content", style.name], ["content", "result"]
         if several:
             shown, names, roles = results, self._names, ["result"] * len(results)
         self.player.set_motions(shown, labels=names, roles=roles, layout=layout)
@@ -130,7 +134,7 @@ class StyleLesson(MessageBox):
         plain = [] if len(results) > 1 else plain
         rows, roles = [*plain, *results], ["content"] * len(plain) + ["result"] * len(results)
         picture = StaticFigure(figsize=(8.6, 1.0 + 1.7 * len(rows)), dpi=100)
-        labels = ["content", self.learned.style] if len(results) == 1 else self._names
+        labels = ["content", self.learned.name] if len(results) == 1 else self._names
         strip(rows, poses=9, labels=labels, roles=roles, ax=picture.add_axes((0, 0.12, 1, 0.85)))
         self._write_message(picture, INK)
         return picture.png()

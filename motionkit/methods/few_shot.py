@@ -9,63 +9,35 @@ motion that is paired with the style clip (eqs. 7 and 8), K steps of noise forwa
 from __future__ import annotations
 
 import copy
-import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import torch
 from torch import Tensor, nn
-from torch.func import functional_call
 
-from .. import sampling, text
+from .. import datasets, sampling, text
 from ..checkpoints import Checkpoint, Saved
 from ..datasets import Dataset, Labels
-from ..datasets import load as load_dataset
 from ..diffusion import add_noise
 from ..errors import MotionKitError, motion_inside
 from ..features import FacingFree
-from ..layers import Denoiser, semantic_loss
+from ..layers import LoRA, semantic_loss
 from ..motion import Motion
-from ..sampling import (
-    PAPER_G,
-    PAPER_K,
-    PAPER_S,
-    PAPER_SCHEDULE,
-    Denoise,
-    PartialDiffusion,
-    reconstruction_loss,
-    total_loss,
-)
+from ..sampling import PAPER_G, PAPER_K, PAPER_S, PAPER_SCHEDULE, Denoise, PartialDiffusion
 from ..training import Run, TrainConfig, fit
-from . import text_to_motion
-from .base import (
-    NEUTRAL,
-    Example,
-    LRUCache,
-    StyleTransfer,
-    align_start,
-    as_example,
-    check_motion,
-    check_strength,
-    clamp_ratio,
-    match_root_speed,
-    motion_hash,
-    scale_path,
-    speed_ratio,
-)
+from . import base, text_to_motion
+from .base import NEUTRAL, Example, LRUCache, StyleTransfer, as_example, check_motion, check_strength, motion_hash
 from .neutral_pairs import NeutralPairs
 from .text_to_motion import Discriminator, Prior
 
-EPOCH = -(-23384 // 64)  # batches of paper 1's one epoch (section 4)
-PATH = ("root x velocity", "root z velocity")  # O_hori of paper 1, eq. 8
 NAMELESS = "given"  # the style's word in the sentence for a clip of which nothing is said
 _SHORTEST = 1.0  # seconds of a style clip
-_OVERLAP = 1.0  # seconds that windows of longer motions share
 _MARGIN = 8  # frames added at either end while it is restyled: where a token sees nothing on one side, poses jump
 _CONTENTS = 144  # of the library, for the semantic loss
 _RUNNING = ("resume", "title", "callback")
+_WORKED_OUT = ("pairs", "contents", "_learned", "_neutrals")  # of a method: what it can work out again
 
 
 @dataclass(frozen=True)
@@ -83,7 +55,7 @@ class Config:
     K: int = PAPER_K
     S: int = PAPER_S
     loss_weights: tuple[float, float] = (1.0, 0.1)
-    steps: int = EPOCH
+    steps: int = -(-23384 // 64)  # batches of paper 1's one epoch (section 4)
     batch: int = 8
     lr: float = 3e-4
     rank: int = 8
@@ -132,70 +104,9 @@ class Config:
         return cls(steps=2, batch=1, pair_steps=10)
 
 
-ABLATIONS = {  # rows of paper 1's table 3, each one call: mk.methods.load("few-shot", config=ABLATIONS[row])
-    "ours": Config(),
-    "with KNN + DTW": Config(pair="knn-dtw"),
-    "without L_s": Config(loss_weights=(1.0, 0.0)),
-}
-
-
-class LoRA(nn.Module):
-    """A denoiser with changed weights, of which only the changes are trained: theta to theta_s (paper 1, section 3.4).
-
-    Every matrix W becomes W + B A with A [rank, in] and B [out, rank] (low-rank adaptation, Hu et al. 2022), every
-    vector gets one to add; with rank 0 every matrix gets a whole matrix to add, as in paper 1. At first nothing is
-    changed. network: stays as it is and belongs to all adapters alike. Raises MotionKitError for a rank below 0.
-
-    >>> from motionkit.layers import TransformerConfig
-    >>> network = Denoiser(features=10, text_size=16, config=TransformerConfig.tiny())
-    >>> adapter = LoRA(network, rank=4)
-    >>> x, t, text = torch.randn(2, 30, 10), torch.tensor([5, 900]), torch.zeros(2, 16)
-    >>> bool(torch.allclose(adapter(x, t, text), network(x, t, text), atol=1e-5))
-    True
-    """
-
-    def __init__(self, network: Denoiser, rank: int = 8, seed: int = 0) -> None:
-        super().__init__()
-        if not isinstance(rank, int) or isinstance(rank, bool) or rank < 0:
-            raise MotionKitError(f"an adapter's rank is a whole number, 8 for instance, or 0 for all; found {rank!r}")
-        self.rank, self.network = rank, network.requires_grad_(False)
-        generator = torch.Generator().manual_seed(seed)
-        self.changes = nn.ParameterDict()
-        for name, weight in network.named_parameters():
-            key = name.replace(".", "/")
-            if rank and weight.ndim == 2:
-                down = torch.randn(rank, weight.shape[1], generator=generator) / math.sqrt(weight.shape[1])
-                self.changes[f"{key}/A"] = down
-                self.changes[f"{key}/B"] = torch.zeros(weight.shape[0], rank)
-            else:
-                self.changes[key] = torch.zeros(weight.shape)
-
-    def train(self, mode: bool = True) -> LoRA:
-        """The network itself stays as it is in use, without dropout."""
-        super().train(mode)
-        self.network.eval()
-        return self
-
-    def weights(self) -> dict[str, Tensor]:
-        """The changed weights by their names in the network."""
-        weights = {}
-        for name, weight in self.network.named_parameters():
-            key = name.replace(".", "/")
-            if key in self.changes:
-                weights[name] = weight + self.changes[key]
-            else:
-                weights[name] = weight + self.changes[f"{key}/B"] @ self.changes[f"{key}/A"]
-        return weights
-
-    def forward(self, x: Tensor, t: Tensor, text: Tensor, mask: Tensor | None = None) -> Tensor:
-        """As `layers.Denoiser.forward`."""
-        return functional_call(self.network, self.weights(), (x, t, text, mask))
-
-    def merged(self) -> Callable[..., Tensor]:
-        """The changed denoiser as a function that works its weights out once: for use after training."""
-        with torch.no_grad():
-            weights = self.weights()
-        return lambda x, t, text, mask=None: functional_call(self.network, weights, (x, t, text, mask))
+def in_windows(prior: Prior, predict: Denoise) -> Denoise:
+    """For motions longer than the prior's longest: windows of it, which share a second."""
+    return sampling.sliding_window(predict, prior.longest, round(prior.fps))
 
 
 @torch.no_grad()
@@ -213,9 +124,9 @@ def neutral_pair(
     start = prior.schedule.matching_step(G, PAPER_SCHEDULE)
     generator = torch.Generator().manual_seed(seed)
     noised = add_noise(x, start, prior.schedule, torch.randn(x.shape, generator=generator))
-    keep_path = sampling.inpainting(x[0], sampling.feature_mask(prior.layout, *PATH))
-    predict = prior.predict([text.to_neutral(prompt)], 2.0)
-    predict = sampling.sliding_window(predict, prior.longest, round(prior.fps))
+    path = sampling.feature_mask(prior.layout, "root x velocity", "root z velocity")  # O_hori of eq. 8
+    predict = in_windows(prior, prior.predict([text.to_neutral(prompt)], 2.0))
+    keep_path = sampling.inpainting(x[0], path)
     stops = sampling.timesteps(prior.schedule, steps, start)
     return sampling.ddpm(predict, noised, prior.schedule, stops, keep_path, generator=generator, **more)[0]
 
@@ -236,23 +147,24 @@ class ContentBank:
 
         Raises MotionKitError where no motion is as long, or one has no caption.
         """
-        long = [(motion, caption) for motion, caption in clips if len(motion) >= frames]
-        if not long:
+        generator, windows, captions = torch.Generator().manual_seed(seed), [], []
+        for motion, caption in clips:
+            if len(motion) >= frames and not caption:
+                raise MotionKitError(
+                    f"clip {motion.name!r} has no caption, which the semantic loss needs; give it texts"
+                )
+            if len(motion) >= frames:
+                start = int(torch.randint(len(motion) - frames + 1, (), generator=generator))
+                windows.append(prior.encode(motion[start : start + frames]))
+                captions.append(text.to_neutral(caption))
+        if not windows:
             raise MotionKitError(f"no neutral clip has {frames} frames; give longer ones, or fewer frames")
-        mute = next((motion.name for motion, caption in long if not caption), None)
-        if mute is not None:
-            raise MotionKitError(f"clip {mute!r} has no caption, which the semantic loss needs; give it texts")
-        generator, windows = torch.Generator().manual_seed(seed), []
-        for motion, _ in long:
-            start = int(torch.randint(len(motion) - frames + 1, (), generator=generator))
-            windows.append(prior.encode(motion[start : start + frames]))
-        clean, captions = torch.stack(windows), tuple(text.to_neutral(caption) for _, caption in long)
         with torch.no_grad():
-            noised = [
-                partial.forward(prior.predict(captions[n : n + 32], 1.0), clean[n : n + 32])
-                for n in range(0, len(clean), 32)
+            parts = [
+                partial.forward(prior.predict(captions[n : n + 32], 1.0), torch.stack(windows[n : n + 32]))
+                for n in range(0, len(windows), 32)
             ]
-        return cls(torch.cat(noised), captions)
+        return cls(torch.cat(parts), tuple(captions))
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +212,7 @@ class FinetuneLoss(nn.Module):
     def reconstruction(self, network: nn.Module, batch: dict[str, Tensor]) -> Tensor:
         """L_sr: the example from its noised neutral pair (paper 1, eqs. 9 and 10)."""
         predictions = self.partial.reverse(lambda x, t: network(x, t, batch["text"]), batch["noised"])
-        return reconstruction_loss(predictions, batch["styled"])
+        return sampling.reconstruction_loss(predictions, batch["styled"])
 
     def semantic(self, network: nn.Module, batch: dict[str, Tensor]) -> Tensor:
         """L_s: contents restyled by the network, as the frozen discriminator sees them (paper 1, eq. 11)."""
@@ -312,7 +224,7 @@ class FinetuneLoss(nn.Module):
         """Both together (paper 1, eq. 12)."""
         example = self.reconstruction(network, batch)
         meaning = self.semantic(network, batch) if "contents" in batch else example.new_zeros(())
-        return total_loss(example, meaning, self.weights)
+        return sampling.total_loss(example, meaning, self.weights)
 
 
 def finetune(
@@ -375,20 +287,15 @@ class LearnedStyle(Checkpoint):
     def restore(cls, saved: Saved, prior: Prior) -> LearnedStyle:
         """prior: the one that it was learned with; MotionKitError for another."""
         card = saved.card
-        check_prior(saved, prior)
+        if card.get("prior") != prior.key:
+            raise MotionKitError(
+                f"{saved.path}: this style was learned with another prior, whose weights it changes; load it with that "
+                "one, or learn it again from its clip"
+            )
         adapter = LoRA(prior.network, card["rank"])
         saved.fill("changes", adapter.changes)
         partial = PartialDiffusion(prior.schedule, tuple(card["timesteps"]))
         return cls(prior, adapter, partial, card["prompt"], card["style"], card)
-
-
-def check_prior(saved: Saved, prior: Prior) -> None:
-    """MotionKitError where what was saved belongs to another prior."""
-    if saved.card.get("prior") != prior.key:
-        raise MotionKitError(
-            f"{saved.path}: this style was learned with another prior, whose weights it changes; load it with that "
-            "one, or learn it again from its clip"
-        )
 
 
 def blend(styles: Mapping[LearnedStyle, float], caption: str, base: Denoise) -> Denoise:
@@ -474,15 +381,13 @@ class FewShot(StyleTransfer):
 
     def fit(self, train: Dataset | None) -> FewShot:
         """Take neutral contents from this dataset from now on; its clips are read when a style is first learned."""
-        self._library = train
-        self._learned, self._neutrals, self._banks = LRUCache(16), LRUCache(), LRUCache(1)
-        self.__dict__.pop("pairs", None)
+        self.__dict__ = self.__getstate__()  # forgets what was worked out from another library
+        self._library, self._learned, self._neutrals = train, LRUCache(16), LRUCache()
         return self
 
     def __getstate__(self) -> dict:
         """What the method is, without what it has worked out or learned so far."""
-        kept = ("prior", "discriminator", "config", "seed", "skeleton", "fps", "_library")
-        return {name: getattr(self, name) for name in kept}
+        return {name: value for name, value in vars(self).items() if name not in _WORKED_OUT}
 
     def __setstate__(self, state: dict) -> None:
         self.__dict__.update(state)
@@ -498,10 +403,8 @@ class FewShot(StyleTransfer):
     def pairs(self) -> NeutralPairs:
         """The library's neutral clips."""
         if self._library is None:
-            return NeutralPairs(load_dataset(self.prior.card.get("data") or "actor").split().train)
+            return NeutralPairs(datasets.load(self.prior.card.get("data") or "actor").split().train)
         return NeutralPairs(self._library)
-
-    # -- learning (section 3.4) --------------------------------------------------------------------------------------
 
     def learn(self, style: Motion, prompt: str, *, content: str | None = None, **running) -> LearnedStyle:
         """Teach the prior the style of one clip (paper 1, section 3.4).
@@ -511,96 +414,93 @@ class FewShot(StyleTransfer):
         file for the state of the run, `callback`, `title`, as in `training.fit`. Raises MotionKitError for a clip that
         is too short or cannot be retargeted to the prior's body, and a prompt without words of a style.
         """
-        self._check_learning(style, running)
-        if not isinstance(prompt, str):
-            raise MotionKitError(
-                f"{self.name} learns a style from a clip and a sentence: method.learn(clip, 'an old person walks'); "
-                f"found {prompt!r:.80}"
-            )
+        self._check_running(running)
         task = self.task(style, prompt, content)
         running.setdefault("title", f"learning {task.style!r}")
         adapter, run = finetune(task, self.discriminator, self.config, self.seed, **running)
         card = self._card(run, self.config.steps)
         return LearnedStyle(self.model, adapter, task.partial, prompt, task.style, card, task.neutral)
 
-    def _check_learning(self, style: object, running: Mapping) -> None:
-        if not isinstance(style, Motion):
-            hint = motion_inside(style) or "; read a file with mk.load"
-            raise MotionKitError(f"{self.name} learns a style from a Motion; found {style!r:.80}{hint}")
+    def _check_running(self, running: Mapping) -> None:
         for name in running:
             if name not in _RUNNING:
                 hint = f": give it to mk.methods.load({self.name!r}, config=...)" * (name in ("config", "recipe"))
                 raise MotionKitError(
                     f"{self.name}: learn takes {', '.join(_RUNNING)} beside the clip, not {name!r}{hint}"
                 )
-        check_motion("style", style)
-        if style.duration < _SHORTEST - 1e-6:
-            raise MotionKitError(
-                f"style clip {style.name!r} lasts {style.duration:.2f} s; a style is learned from {_SHORTEST:g} s or "
-                "more"
-            )
 
     def _card(self, run: Run, steps: int) -> dict:
-        card = {"steps": steps, "seconds": round(run.seconds, 1), "seed": self.seed}
-        return card | {"data": self.prior.card.get("data", ""), "licence": self.prior.card.get("licence", "")}
+        origin = {key: self.prior.card.get(key, "") for key in ("data", "licence")}
+        return {"steps": steps, "seconds": round(run.seconds, 1), "seed": self.seed, **origin}
 
     def task(self, style: Motion, prompt: str, content: str | None = None) -> FinetuneTask:
         """What `learn` learns from: the style example's features, its neutral pair, and contents.
 
         A clip that is longer than the prior's longest motion is cut to its middle. Raises MotionKitError as `learn`.
         """
-        words, clip = text.style_in(prompt), self._middle(self.onto_model(style))
+        clip = self._style_clip(style)
+        if not isinstance(prompt, str):
+            raise MotionKitError(
+                f"{self.name} learns a style from a clip and a sentence: method.learn(clip, 'an old person walks'); "
+                f"found {prompt!r:.80}"
+            )
+        words = text.style_in(prompt)
         if self.config.pair == "knn-dtw":
             neutral = self.prior.encode(self.pairs.neutral_of(clip, content))
         else:
             neutral = self.neutral_features(clip, prompt)
-        contents = self._content_bank() if self.config.loss_weights[1] > 0 else None
+        contents = self.contents if self.config.loss_weights[1] > 0 else None
         return FinetuneTask(self.model, self.partial, self.prior.encode(clip), neutral, prompt, words, contents)
 
-    def _middle(self, motion: Motion) -> Motion:
-        first = max(len(motion) - self.prior.longest, 0) // 2
-        return motion[first : first + self.prior.longest]
+    def _style_clip(self, style: object) -> Motion:
+        """What is learned from a clip: its middle, on the model's body. MotionKitError where that cannot be."""
+        if not isinstance(style, Motion):
+            hint = motion_inside(style) or "; read a file with mk.load"
+            raise MotionKitError(f"{self.name} learns a style from a Motion; found {style!r:.80}{hint}")
+        check_motion("style", style)
+        if style.duration < _SHORTEST - 1e-6:
+            raise MotionKitError(
+                f"style clip {style.name!r} lasts {style.duration:.2f} s; a style is learned from {_SHORTEST:g} s or "
+                "more"
+            )
+        body = self.onto_model(style)
+        first = max(len(body) - self.prior.longest, 0) // 2
+        return body[first : first + self.prior.longest]
 
     def neutral_features(self, body: Motion, caption: str) -> Tensor:
         """The neutral motion for one in some style, features [F, D] (paper 1, eqs. 7 and 8)."""
+        options = {"G": self.config.G, "steps": self.config.pair_steps, "seed": self.seed}
+        key = motion_hash(body), caption
+        return self._neutrals.get(key, lambda: neutral_pair(self.prior, body, caption, **options))
 
-        def work_out() -> Tensor:
-            options = {"G": self.config.G, "steps": self.config.pair_steps, "seed": self.seed}
-            return neutral_pair(self.prior, body, caption, **options)
-
-        return self._neutrals.get((motion_hash(body), caption), work_out)
-
-    def _content_bank(self) -> ContentBank:
-        def work_out() -> ContentBank:
-            clips = [clip for clip in self.pairs.library if clip.style in NEUTRAL]
-            order = torch.randperm(len(clips), generator=torch.Generator().manual_seed(self.seed)).tolist()
-            chosen = [(self.onto_model(clips[n].motion), clips[n].text) for n in order[:_CONTENTS]]
-            frames = min(self.config.frames, self.prior.longest, max(len(motion) for motion, _ in chosen))
-            return ContentBank.of(self.model, self.partial, chosen, frames, self.seed)
-
-        return self._banks.get("contents", work_out)
+    @cached_property
+    def contents(self) -> ContentBank:
+        """Neutral clips of the library, for the semantic loss."""
+        clips = [clip for clip in self.pairs.library if clip.style in NEUTRAL]
+        order = torch.randperm(len(clips), generator=torch.Generator().manual_seed(self.seed)).tolist()
+        chosen = [(self.onto_model(clips[n].motion), clips[n].text) for n in order[:_CONTENTS]]
+        frames = min(self.config.frames, self.prior.longest, max(len(motion) for motion, _ in chosen))
+        return ContentBank.of(self.model, self.partial, chosen, frames, self.seed)
 
     def load_style(self, path: str | os.PathLike) -> LearnedStyle:
         """A style that was saved. MotionKitError where it does not fit the prior."""
         return LearnedStyle.load(path, prior=self.model)
 
-    # -- restyling (section 3.5) -------------------------------------------------------------------------------------
-
     def read_style(self, style: object) -> dict[LearnedStyle, float]:
         """Learned styles with weights; a clip is learned first; of a clip that is neutral, none."""
-        if isinstance(style, list | tuple | set):
-            raise MotionKitError(
-                f"{self.name}: several styles are mixed with weights, {{old: 0.5, proud: 0.5}}; found a list"
-            )
-        if as_example(style) is not None:
-            example = as_example(style)
+        example = as_example(style)
+        if example is not None:
             if example.labels.style in NEUTRAL:
                 return {}
-            return {self._learned.get(motion_hash(example.motion), lambda: self._learn_example(example)): 1.0}
-        mix = style if isinstance(style, Mapping) else {style: 1.0} if getattr(style, "__hash__", None) else {}
+            key = motion_hash(example.motion), example.labels.caption
+            return {self._learned.get(key, lambda: self._learn_example(example)): 1.0}
+        mix = style if isinstance(style, Mapping) else {style: 1.0} if isinstance(style, Hashable) else {}
         styles = {self.read_name(one) if isinstance(one, str) else one: weight for one, weight in mix.items()}
         if not styles or not all(hasattr(one, "predict") and hasattr(one, "partial") for one in styles):
-            raise MotionKitError(f"{self.name} takes learned styles or a clip; found {style!r:.80}")
+            raise MotionKitError(
+                f"{self.name} takes learned styles or a clip; several styles are mixed with weights, "
+                f"{{old: 0.5, proud: 0.5}}; found {style!r:.80}"
+            )
         if any(one.prior.key != self.model.key for one in styles):
             raise MotionKitError(f"{self.name}: this style was learned with another prior; learn it with this one")
         for one, weight in styles.items():
@@ -629,23 +529,23 @@ class FewShot(StyleTransfer):
         """
         caption = text.to_neutral(labels.caption or self.caption_of(body))
         x = self.prior.encode(body)
+        styled = labels.style not in ("", *NEUTRAL)
+        start = self.neutral_features(body, caption) if styled or not style else x
         if not style:
-            neutral = self.neutral_features(body, caption)
-            return match_root_speed(self._decode(neutral, x, body), body)
-        start = self.neutral_features(body, caption) if labels.style and labels.style not in NEUTRAL else x
+            return base.match_root_speed(self._decode(start, x, body), body)
         styles = {one: strength * weight for one, weight in style.items()}
         restyled, plain = (self._decode(y, start, body) for y in self.restyle_features(start, caption, styles))
         total = sum(styles.values())
         if total <= 1:
-            return match_root_speed(restyled, plain)
+            return base.match_root_speed(restyled, plain)
         # poses beyond all of a style say little of its speed: the style's own factor counts so many times
         shares = {one: weight / total for one, weight in styles.items()}
         once = self._decode(self.restyle_features(start, caption, shares)[0], start, body)
-        return scale_path(restyled, clamp_ratio(speed_ratio(once, plain) ** total))
+        return base.scale_path(restyled, base.clamp_ratio(base.speed_ratio(once, plain) ** total))
 
     def place(self, result: Motion, content: Motion) -> Motion:
         """It starts where the content starts, facing the same way."""
-        return align_start(result, content)
+        return base.align_start(result, content)
 
     @torch.no_grad()
     def restyle_features(self, x: Tensor, caption: str, styles: Mapping) -> tuple[Tensor, Tensor]:
@@ -655,14 +555,11 @@ class FewShot(StyleTransfer):
         The second answer is what the prior itself makes on the way back: the content, as nearly as it can.
         """
         partial = next(iter(styles)).partial
-        plain = self._windows(self.model.predict([caption], 1.0))
+        plain = in_windows(self.prior, self.model.predict([caption], 1.0))
         longer = torch.cat((x[:1].expand(_MARGIN, -1), x, x[-1:].expand(_MARGIN, -1)))
         noised = partial.forward(plain, longer[None])
-        styled = self._windows(blend(styles, caption, plain))
+        styled = in_windows(self.prior, blend(styles, caption, plain))
         return tuple(partial.reverse(way, noised)[-1, 0, _MARGIN:-_MARGIN] for way in (styled, plain))
-
-    def _windows(self, predict: Denoise) -> Denoise:
-        return sampling.sliding_window(predict, self.prior.longest, round(_OVERLAP * self.prior.fps))
 
     def _decode(self, y: Tensor, x: Tensor, body: Motion) -> Motion:
         """Features y to a motion on the content's body, on the path of features x."""

@@ -3,142 +3,39 @@
 Paper 1, section 7, names a model for every style as its limitation. Here its chain (eq. 9) is taught once, by its own
 loss (eq. 10), on neutral motions performed again in thousands of random styles, each a vector of 37 numbers, the
 *code*. To learn a style from a clip is then to read its code off the clip and to search nearby, by the same loss; all
-else stays as it is. Only the performer can perform a motion in a style that nobody ever captured: it is the data of
-this method, and of its labels in training, never an answer.
+else stays as it is. How it was taught, from the performer, is in `style_code_training`; here are no more of the
+performer than the names and ranges of its numbers, and it never gives an answer.
 """
 
 from __future__ import annotations
 
-import copy
 import difflib
 import os
-import random
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import torch
-from joblib import Parallel, delayed
 from torch import Tensor, nn
-from tqdm.auto import tqdm
 
 from .. import checkpoints, text
-from ..actor import CONTENTS, VERSION, Style, parameters, perform, retell
-from ..actor.style import TRAIN_STYLES, get_style
+from ..actor import Style, parameters
 from ..checkpoints import Checkpoint, Saved
 from ..datasets import Dataset
-from ..datasets.performed import FPS, PERFORMERS
 from ..errors import MotionKitError
-from ..features import Normalizer
-from ..features.facing_free import OfBody, encode_normalized
 from ..layers import Denoiser, SemanticEncoder, TransformerConfig
 from ..motion import Motion
 from ..sampling import Denoise, PartialDiffusion, reconstruction_loss
-from ..training import TrainConfig, TrainOrder, fit
+from ..training import TrainConfig, fit
 from . import text_to_motion
 from .base import NEUTRAL, Example
 from .few_shot import NAMELESS, FewShot
 from .text_to_motion import Discriminator, Prior
 
-FRAMES = 144  # of a lesson
-_FIRST_SEED = 500_000  # of performances; data sets have others
 SEARCH_STEPS, SEARCH_LR = 100, 0.05
 LABEL_CLIPS = 12  # read for a label of the library
-_ROOM = 15  # frames that a performance is longer
-
-
-def random_style(chance: random.Random) -> Style:
-    """A style drawn by chance: most of its numbers near neutral, as far as the eight styles of `actor` go, some far.
-
-    Of the styles held back nothing is known here. Two in three numbers are normal with half the largest distance from
-    neutral that any style of `actor` has, one in three lies anywhere within its range, near neutral more often.
-
-    >>> a, b = (random_style(random.Random(seed)) for seed in (0, 1))
-    >>> a.lean != b.lean
-    True
-    """
-    numbers = {}
-    for key, about in parameters().items():
-        reach = max(abs(getattr(get_style(style), key) - about.neutral) for style in TRAIN_STYLES)
-        if chance.random() < 2 / 3:
-            value = about.neutral + 0.5 * reach * chance.gauss(0, 1) * (chance.random() < 0.7)
-        else:
-            bound = about.high if chance.random() < 0.7 else about.low
-            value = about.neutral + 0.85 * chance.random() ** 1.5 * (bound - about.neutral)
-        numbers[key] = min(max(value, about.low), about.high)
-    return Style("invented", **numbers)
-
-
-def code_of(style: Style) -> Tensor:
-    """A style's numbers [C], each from neutral in halves of its range: what a space of styles is told.
-
-    >>> bool((code_of(Style()) == 0).all())
-    True
-    """
-    halves = {key: 0.5 * (about.high - about.low) for key, about in parameters().items()}
-    return torch.tensor([(getattr(style, key) - parameters()[key].neutral) / half for key, half in halves.items()])
-
-
-@dataclass(frozen=True, eq=False)
-class StylePairs:
-    """Performances told neutrally and in invented styles, frame by frame at the same beat.
-
-    neutral, styled: features [N, F, D], half precision. codes: [N, C], see `code_of`. captions: N neutral sentences.
-    """
-
-    neutral: Tensor
-    styled: Tensor
-    codes: Tensor
-    captions: tuple[str, ...]
-
-
-def style_pairs(prior: Prior, count: int, each: int = 3, seed: int = 0, jobs: int | None = None) -> StylePairs:
-    """`count` performances by people of `actor`'s training part, each in `each` invented styles, in a prior's features.
-
-    All contents come equally often. Half of the lessons are in the time of the neutral motion, as a content is, half in
-    the style's own, as a style example is. jobs: processes, one a core if left out.
-    """
-    work = (delayed(_lesson)(prior.layout, prior.normalizer, n, each, seed) for n in range(count))
-    found = Parallel(n_jobs=jobs or -1, batch_size=16, return_as="generator")(work)
-    rows = list(tqdm(found, "performing", count))
-    neutral, styled, codes = (torch.cat([row[n] for row in rows]) for n in range(3))
-    return StylePairs(neutral, styled, codes, tuple(row[3] for row in rows for _ in range(each)))
-
-
-def _lesson(layout: OfBody, normalizer: Normalizer, number: int, each: int, seed: int) -> tuple:
-    torch.set_num_threads(1)
-    chance = random.Random(f"lesson {seed} {number}")
-    content, who = CONTENTS[number % len(CONTENTS)], chance.choice(PERFORMERS["train"])
-    take = _FIRST_SEED * (1 + seed) + number
-    played = perform(content, "neutral", take, seconds=(FRAMES + _ROOM) / FPS, fps=FPS, performer=who)
-    styles, pairs = [random_style(chance) for _ in range(each)], []
-    for style in styles:
-        told = retell(played, style)
-        if chance.random() < 0.5 and len(told) >= FRAMES:
-            pairs.append((played.time_aligned(told), told.motion))
-        else:
-            pairs.append((played.motion, told.time_aligned(played)))
-    starts = [chance.randrange(min(len(pair[0]) - FRAMES + 1, _ROOM)) for pair in pairs]
-    neutral, styled = (
-        torch.stack(
-            [encode_normalized(pair[n][k : k + FRAMES], layout, normalizer).half() for pair, k in zip(pairs, starts)]
-        )
-        for n in range(2)
-    )
-    return neutral, styled, torch.stack([code_of(style) for style in styles]), played.captions[0]
-
-
-def batches_of(count: int, size: int) -> Iterator[slice]:
-    """Slices of at most `size` that cover `count`.
-
-    >>> list(batches_of(5, 3))
-    [slice(0, 3, None), slice(3, 5, None)]
-    """
-    return (slice(n, min(n + size, count)) for n in range(0, count, size))
-
-
 CODES = len(parameters())
+TO_NEUTRAL = torch.eye(CODES + 1)[-1]  # in place of a code: be neutral
 _LEAST_SPREAD = 0.02  # of half a range
 _NEAR = 0.15  # of half a range: how far from neutral half of a style's numbers lie
 _READ, _UNREAD = 0.3, 0.2  # how much it counts how unlikely a point is, beside the reconstruction loss
@@ -224,7 +121,7 @@ class StyleEncoder(Checkpoint):
 
 @dataclass(eq=False)
 class StyleCodeModel(Checkpoint):
-    """One model for every style, which paper 1, section 7, leaves open: a code says which; `train style-code` makes it.
+    """One model for every style (paper 1, section 7, leaves it open): a code says which; `train style-code` makes it.
 
     prior: what takes motions forwards. network: what takes them back. partial: the steps that it was taught on.
     encoder: what reads a code off a styled motion; without one a style is looked for from neutral on.
@@ -247,6 +144,11 @@ class StyleCodeModel(Checkpoint):
         state = {name: value.half() for name, value in self.network.state_dict().items()}
         return text.content_key(state, self.prior.key)
 
+    def predict(self, caption: str, code: Tensor) -> Denoise:
+        """The network with a neutral sentence and a code [C + 1], for any function of `sampling`."""
+        words = self.prior.encoder.encode([text.to_neutral(caption)])
+        return lambda x, t: self.network(x, t, words.expand(len(x), -1), code.expand(len(x), -1))
+
     @torch.no_grad()
     def neutral(self, x: Tensor, caption: str) -> Tensor:
         """The neutral motion for one in any style, features [F, D] both: forwards, and back told to be neutral.
@@ -254,10 +156,7 @@ class StyleCodeModel(Checkpoint):
         It is quicker than paper 1's way through much noise (eqs. 7 and 8), and stays in step with the example.
         """
         noised = self.partial.forward(self.prior.predict([text.to_neutral(caption)], 1.0), x[None])
-        words = self.prior.encoder.encode([text.to_neutral(caption)])
-        code = torch.zeros(1, CODES + 1)
-        code[:, -1] = 1
-        return self.partial.reverse(lambda y, t: self.network(y, t, words, code), noised)[-1, 0]
+        return self.partial.reverse(self.predict(caption, TO_NEUTRAL), noised)[-1, 0]
 
     def networks(self) -> dict[str, nn.Module]:
         """See `checkpoints.Checkpoint`."""
@@ -284,13 +183,13 @@ class StyleCodeModel(Checkpoint):
 
 
 @lru_cache(maxsize=2)
-def load(data: str = "actor") -> StyleCodeModel:
-    """The shipped model of a dataset, with its encoder if there is one; MotionKitError if there is none."""
-    return load_for(text_to_motion.load(data))
+def load(prior: str | Prior = "actor") -> StyleCodeModel:
+    """The shipped model that was made from a prior, or a dataset's, with its encoder; MotionKitError if there is none.
 
-
-def load_for(prior: Prior) -> StyleCodeModel:
-    """The shipped model that was made from this very prior; MotionKitError if there is none."""
+    >>> load("actor")
+    StyleCodeModel(37 numbers say a style, on Prior(...))
+    """
+    prior = text_to_motion.load(prior) if isinstance(prior, str) else prior
     data = prior.card.get("data")
     model = StyleCodeModel.load(checkpoints.find(f"{data}-style-code"), prior=prior)
     if f"{data}-style-encoder" in checkpoints.names():
@@ -364,9 +263,7 @@ class StyleCode(Checkpoint):
 
     def predict(self, caption: str) -> Denoise:
         """The model told this code, with a content's neutral sentence, for any function of `sampling`."""
-        words = self.prior.encoder.encode([text.to_neutral(caption)])
-        code = torch.cat((self.code, torch.zeros(1)))
-        return lambda x, t: self.model.network(x, t, words.expand(len(x), -1), code.expand(len(x), -1))
+        return self.model.predict(caption, torch.cat((self.code, torch.zeros(1))))
 
     def style(self) -> Style:
         """The performer's numbers that the code stands for, within their ranges."""
@@ -421,12 +318,9 @@ class StyleCodeTransfer(FewShot):
         if model is not None and not isinstance(model, StyleCodeModel):
             raise MotionKitError(f"style-code: model is a StyleCodeModel, or left out; found {model!r:.80}")
         super().__init__(prior, discriminator, library, seed=seed)
-        self.codes = load_for(self.prior) if model is None else model
+        self.codes = load(self.prior) if model is None else model
         if self.codes.prior.key != self.prior.key:
             raise MotionKitError("style-code: this model was made from another prior; give that one too")
-
-    def __getstate__(self) -> dict:
-        return super().__getstate__() | {"codes": self.codes}
 
     def learn(self, style: Motion, prompt: str | None = None, *, steps: int = SEARCH_STEPS, **running) -> StyleCode:
         """Find the code of one clip: read off it, then searched for nearby, by paper 1's eq. 10.
@@ -435,18 +329,17 @@ class StyleCodeTransfer(FewShot):
         finds one. steps: of the search. running: `resume`, `callback`, `title`, as in `training.fit`. Raises
         MotionKitError for a clip that is too short or cannot be retargeted to the prior's body.
         """
-        self._check_learning(style, running)
+        self._check_running(running)
         if prompt is not None and not isinstance(prompt, str):
             raise MotionKitError(f"style-code: a prompt is a sentence, or left out; found {prompt!r:.80}")
-        clip = self._middle(self.onto_model(style))
+        clip = self._style_clip(style)
         name = style.name or NAMELESS if prompt is None else text.style_in(prompt)
         prompt = text.to_style(self.caption_of(clip), NAMELESS) if prompt is None else prompt
-        x, neutral = self.prior.encode(clip), self.neutral_features(clip, prompt)
+        x, neutral, caption = self.prior.encode(clip), self.neutral_features(clip, prompt), text.to_neutral(prompt)
         search = CodeSearch(self.codes, self.codes.encoder(x) if self.codes.encoder is not None else None)
-        words, caption = self.prior.encoder.encode([text.to_neutral(prompt)]), text.to_neutral(prompt)
         with torch.no_grad():
             noised = self.codes.partial.forward(self.prior.predict([caption], 1.0), neutral[None])
-        batch = {"noised": noised, "text": words, "styled": x}
+        batch = {"noised": noised, "text": self.prior.encoder.encode([caption]), "styled": x}
 
         def loss_fn(network: CodeSearch, batch: dict[str, Tensor]) -> Tensor:
             back = self.codes.partial.reverse(lambda y, t: network(y, t, batch["text"]), batch["noised"])
@@ -467,10 +360,10 @@ class StyleCodeTransfer(FewShot):
 
     def read_name(self, name: str) -> StyleCode:
         """A label of the library, or a sentence that speaks of one: the mean of the codes read off its clips."""
-        known = [style for style in self.pairs.library.styles if style not in NEUTRAL]
-        label = name.lower() if name.lower() in known else text.style_in(name) if " " in name else name.lower()
         if name.endswith((".safetensors", ".bvh")) or self.codes.encoder is None:
             return super().read_name(name)
+        known = [style for style in self.pairs.library.styles if style not in NEUTRAL]
+        label = name.lower() if name.lower() in known or " " not in name else text.style_in(name)
         if label not in known:
             near = difflib.get_close_matches(label, known, 1, 0.5)
             hint = f" Did you mean {near[0]!r}?" if near else ""
@@ -490,178 +383,3 @@ class StyleCodeTransfer(FewShot):
     def load_style(self, path: str | os.PathLike) -> StyleCode:
         """A code that was saved. MotionKitError where it does not fit the model."""
         return StyleCode.load(path, model=self.codes)
-
-
-STEPS, LR, BATCH = 10000, 1e-3, 16
-ENCODER_STEPS, ENCODER_LR, ENCODER_BATCH = 8000, 7e-4, 64
-COUNT = 7200  # performances, each in three styles
-_BACK = 4  # of a batch so many are taken from their style to neutral
-_SHORTEST = 96
-
-
-@torch.no_grad()
-def noised(prior: Prior, partial: PartialDiffusion, x: Tensor, words: Tensor) -> Tensor:
-    """m_K of features [N, F, D] with their sentences' vectors [N, E], in half precision."""
-    parts = [
-        partial.forward(lambda y, t, own=words[part]: prior.network(y, t, own), x[part].float()).half()
-        for part in batches_of(len(x), 64)
-    ]
-    return torch.cat(parts)
-
-
-def _window() -> slice:
-    length = int(torch.randint(_SHORTEST // 4, FRAMES // 4 + 1, ())) * 4
-    start = int(torch.randint(FRAMES - length + 1, ()))
-    return slice(start, start + length)
-
-
-def train_decoder(
-    prior: Prior, pairs: StylePairs, training: TrainConfig | None = None, start: StyleCodeModel | None = None, **running
-) -> StyleCodeModel:
-    """Teach the chain of a prior on pairs in random styles (paper 1, eqs. 9 and 10), starting from its weights.
-
-    A quarter of each batch goes from a styled motion to the neutral one, told so by a number of its own; the rest from
-    neutral to a style by its code. start: a model of this prior to go on from. running: as in `training.fit`.
-    """
-    training = training or TrainConfig(STEPS, LR, ema=0.995)
-    prior.network.eval()
-    partial = PartialDiffusion.from_paper(prior.schedule)
-    words = prior.encoder.encode([text.to_neutral(caption) for caption in pairs.captions])
-    neutral_noised, styled_noised = (noised(prior, partial, x, words) for x in (pairs.neutral, pairs.styled))
-    torch.manual_seed(training.seed)
-    network = CodedDenoiser(copy.deepcopy(prior.network)) if start is None else copy.deepcopy(start.network)
-    network.requires_grad_(True)
-
-    def draw(step: int) -> dict[str, Tensor]:
-        chosen, window = torch.randint(len(pairs.styled), (BATCH,)), _window()
-        back, there = chosen[:_BACK], chosen[_BACK:]
-        code = torch.zeros(BATCH, CODES + 1)
-        code[:_BACK, -1], code[_BACK:, :-1] = 1, pairs.codes[there]
-        return {
-            "noised": torch.cat((styled_noised[back, window], neutral_noised[there, window])).float(),
-            "target": torch.cat((pairs.neutral[back, window], pairs.styled[there, window])).float(),
-            "text": words[chosen],
-            "code": code,
-        }
-
-    def loss_fn(network: nn.Module, batch: dict[str, Tensor]) -> Tensor:
-        predict = lambda x, t: network(x, t, batch["text"], batch["code"])  # noqa: E731
-        return reconstruction_loss(partial.reverse(predict, batch["noised"]), batch["target"])
-
-    run = fit(network, draw, loss_fn, training, **running)
-    model = StyleCodeModel(prior, network.requires_grad_(False), partial, card=_card(training, run, network, pairs))
-    if start is not None:
-        model.card["started_from"] = {key: start.card.get(key) for key in ("command", "steps", "seconds")}
-    return model
-
-
-def train_encoder(prior: Prior, pairs: StylePairs, training: TrainConfig | None = None, **running) -> StyleEncoder:
-    """Teach a network to read the code off a styled motion: the mean of all that are possible, and how sure it is.
-
-    By `beta_nll`. running: as in `training.fit`.
-    """
-    training = training or TrainConfig(ENCODER_STEPS, ENCODER_LR, weight_decay=1e-2, ema=0.995)
-    torch.manual_seed(training.seed)
-    network = new_style_encoder(prior)
-
-    def draw(step: int) -> dict[str, Tensor]:
-        chosen = torch.randint(len(pairs.styled), (ENCODER_BATCH,))
-        return {"x": pairs.styled[chosen, _window()].float(), "code": pairs.codes[chosen]}
-
-    def loss_fn(network: nn.Module, batch: dict[str, Tensor]) -> Tensor:
-        return beta_nll(GaussianCode.of(network(batch["x"])), batch["code"])
-
-    run = fit(network, draw, loss_fn, training, **running)
-    return StyleEncoder(prior, network.requires_grad_(False), _card(training, run, network, pairs))
-
-
-def _card(training: TrainConfig, run, network: nn.Module, pairs: StylePairs) -> dict:
-    return {
-        "data": "actor",
-        "data_sha256": f"performer {VERSION}",
-        "training_clips": len(pairs.styled),
-        "seed": training.seed,
-        "steps": training.steps,
-        "seconds": round(run.seconds),
-        "steps_per_second": round(run.steps_per_second, 2),
-        "hardware": checkpoints.hardware(),
-        "parameters": sum(p.numel() for p in network.parameters()),
-        "last_loss": round(run.last_loss, 4),
-        "licence": "MIT",
-    }
-
-
-def beta_nll(predicted: GaussianCode, codes: Tensor) -> Tensor:
-    """The loss of predicted codes, both [..., C]: a Gaussian's minus log, where the unsure ones count as others do.
-
-    Each number is weighted by the standard deviation predicted for it, through which no gradient goes (the beta-NLL of
-    Seitzer et al., 2022), or a network lets go of what it cannot read at once.
-
-    >>> far, right = torch.ones(1, 3), torch.zeros(1, 3)
-    >>> bool(beta_nll(GaussianCode(far, right + 0.1), right) > beta_nll(GaussianCode(far, far), right))
-    True
-    """
-    each = nn.functional.gaussian_nll_loss(predicted.code, codes, predicted.spread**2, reduction="none")
-    return (each * predicted.spread.detach()).mean()
-
-
-@torch.no_grad()
-def encoder_error(encoder: StyleEncoder, pairs: StylePairs) -> dict[str, float]:
-    """Mean square errors of codes read off pairs that were not learned from; `guessed`: of neutral for all.
-
-    `expected`: what the encoder itself thinks that its errors are.
-    """
-    parts = [encoder.network(pairs.styled[part].float()) for part in batches_of(len(pairs.styled), 64)]
-    predicted = GaussianCode.of(torch.cat(parts))
-    errors = {"read": (predicted.code - pairs.codes).square().mean(), "guessed": pairs.codes.square().mean()}
-    errors["expected"] = predicted.spread.square().mean()
-    return {name: round(float(value), 4) for name, value in errors.items()}
-
-
-@torch.no_grad()
-def decoder_error(model: StyleCodeModel, pairs: StylePairs) -> dict[str, float]:
-    """Mean square errors of the chain's last prediction on pairs that were not learned from, both ways.
-
-    `styled`: from neutral to the style that the code says; `neutral`: from the style to neutral; `copied`: what there
-    is between the two.
-    """
-    words = model.prior.encoder.encode([text.to_neutral(caption) for caption in pairs.captions])
-    style = torch.cat((pairs.codes, torch.zeros(len(words), 1)), 1)
-    neutral = torch.zeros_like(style)
-    neutral[:, -1] = 1
-    errors = {"copied": float((pairs.neutral.float() - pairs.styled.float()).square().mean())}
-    for name, source, target, code in (
-        ("styled", pairs.neutral, pairs.styled, style),
-        ("neutral", pairs.styled, pairs.neutral, neutral),
-    ):
-        start = noised(model.prior, model.partial, source, words).float()
-        predicted = model.partial.reverse(lambda x, t, code=code: model.network(x, t, words, code), start)[-1]
-        errors[name] = float((predicted - target.float()).square().mean())
-    return {name: round(value, 4) for name, value in errors.items()}
-
-
-def make_style_code(order: TrainOrder) -> StyleCodeModel:
-    """For the command line: the model of a dataset's prior; MotionKitError for captures, which nobody can perform."""
-    prior, count = _prior_and_count(order, STEPS)
-    start = StyleCodeModel.load(checkpoints.find(order.start), prior=prior) if order.start else None
-    pairs = style_pairs(prior, count, seed=order.seed)
-    model = train_decoder(prior, pairs, order.config(STEPS, LR, ema=0.995), start, **order.running)
-    model.card["metrics"] = decoder_error(model, style_pairs(prior, 60, seed=order.seed + 1))
-    return model
-
-
-def make_style_encoder(order: TrainOrder) -> StyleEncoder:
-    """For the command line: what reads codes off the motions of a dataset's prior."""
-    prior, count = _prior_and_count(order, ENCODER_STEPS)
-    training = order.config(ENCODER_STEPS, ENCODER_LR, weight_decay=1e-2, ema=0.995)
-    encoder = train_encoder(prior, style_pairs(prior, count, seed=order.seed), training, **order.running)
-    encoder.card["metrics"] = encoder_error(encoder, style_pairs(prior, 60, seed=order.seed + 1))
-    return encoder
-
-
-def _prior_and_count(order: TrainOrder, steps: int) -> tuple[Prior, int]:
-    """The prior, and of how many performances to learn: fewer where there are fewer steps than usual."""
-    if order.data.name != "actor":
-        raise MotionKitError(f"codes of styles are learned from the performer, data 'actor'; found {order.data.name!r}")
-    share = min((order.steps or steps) / steps, 1)
-    return text_to_motion.load("actor"), max(24, int(COUNT * share))
