@@ -210,7 +210,7 @@ class StyleErdLoss(nn.Module):
         self.contents = contents.eval().requires_grad_(False)
 
     def generator(self, generator: StyleErd, critic: nn.Module | None, batch: dict) -> tuple[Tensor, Tensor]:
-        """The generator's loss (eq. 8), and what it generated as the critic sees it, [B, F, 6J]."""
+        """The generator's loss (paper 2, eq. 8), and what it generated as the critic sees it, [B, F, 6J]."""
         config, x, content, target = self.config, batch["x"], batch["content"], batch["target"]
         source = split_frames(x)
         place = partial(placed_positions, self.skeleton, batch["offsets"], lowest=lowest_foot(self.skeleton, source[1]))
@@ -240,7 +240,7 @@ class StyleErdLoss(nn.Module):
         return generator_objective(reconstruction, adversarial, perceptual), fake
 
     def critic(self, critic: nn.Module, fake: Tensor, batch: dict) -> Tensor:
-        """The critic's loss (eq. 9) of generated motions [B, F, 6J] and of real ones."""
+        """The critic's loss (paper 2, eq. 9) of generated motions [B, F, 6J] and of real ones."""
         real = batch["real"].clone().requires_grad_()
         scores = critic(real, batch["target"], batch["real_content"])
         loss = discriminator_loss(scores, critic(fake, batch["target"], batch["content"]))
