@@ -15,9 +15,9 @@ from motionkit.__main__ import _TRAINERS
 from motionkit.datasets import performed
 from motionkit.datasets.loading import from_items
 from motionkit.layers import TransformerConfig
-from motionkit.methods import few_shot, style_code, style_erd, style_erd_new_style, text_to_motion
+from motionkit.methods import few_shot, style_code, style_code_training, style_erd, style_erd_new_style, text_to_motion
 from motionkit.methods.style_erd_data import Windows
-from motionkit.methods.style_erd_stream import train_frame_classifier
+from motionkit.methods.style_erd_labels import train_frame_classifier
 from motionkit.text import train as text_train
 from motionkit.text.encoders import Mini, MiniConfig, MiniNetwork
 from motionkit.training import TrainConfig, TrainOrder, fit, fit_adversarial
@@ -58,14 +58,14 @@ def world(tmp_path_factory):
         prior = text_to_motion.train_prior(split, encoder, config, TWO, title="")
         prior = text_to_motion.Prior.load(prior.save(folder / "actor-prior.safetensors"))
         discriminator = text_to_motion.train_discriminator(split, prior, TWO, batch=4, title="")
-        pairs = style_code.style_pairs(prior, 3, each=2, jobs=1)
+        pairs = style_code_training.style_pairs(prior, 3, each=2, jobs=1)
         windows = Windows.of(split.train, 30.0, paired=True)
         yield SimpleNamespace(**locals())
 
 
 @pytest.mark.parametrize("what", _TRAINERS)
 def test_what_the_command_line_trains(what, world, monkeypatch):
-    monkeypatch.setattr(style_code, "style_pairs", lambda *_, **__: world.pairs)
+    monkeypatch.setattr(style_code_training, "style_pairs", lambda *_, **__: world.pairs)
     monkeypatch.setattr(text_train, "_metrics", lambda *_: {})  # of as many meanings as there are not
     contents = style_erd.train_content_classifier(world.windows, 22, steps=1, title="")
     monkeypatch.setattr(style_erd, "train_content_classifier", lambda *_, **__: contents)
@@ -79,8 +79,8 @@ def test_a_prior_and_codes_that_go_on_from_others(world):
     prior = trained(lambda: text_to_motion.train_prior(
         world.split, world.encoder, world.config, TWO, start=world.prior, title=""))  # fmt: skip
     assert prior.card["started_from"]
-    model = style_code.train_decoder(world.prior, world.pairs, TWO, title="")
-    again = trained(lambda: style_code.train_decoder(world.prior, world.pairs, TWO, start=model, title=""))
+    model = style_code_training.train_decoder(world.prior, world.pairs, TWO, title="")
+    again = trained(lambda: style_code_training.train_decoder(world.prior, world.pairs, TWO, start=model, title=""))
     assert again.card["started_from"]
 
 
@@ -142,8 +142,8 @@ def test_fine_tuning_a_prior(rank, world):
 
 @pytest.mark.parametrize("encoder", [False, True])
 def test_looking_for_a_code(encoder, world):
-    model = style_code.train_decoder(world.prior, world.pairs, TWO, title="")
-    model.encoder = style_code.train_encoder(world.prior, world.pairs, TWO, title="") if encoder else None
+    model = style_code_training.train_decoder(world.prior, world.pairs, TWO, title="")
+    model.encoder = style_code_training.train_encoder(world.prior, world.pairs, TWO, title="") if encoder else None
     method = style_code.StyleCodeTransfer(world.prior, world.discriminator, world.split.train, model=model)
     clip = next(clip.motion for clip in world.split.train if clip.style == "old")
     style = trained(lambda: method.learn(clip, "an old person walks", steps=2, title=""))

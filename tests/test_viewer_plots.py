@@ -59,3 +59,11 @@ def test_drawing_into_given_axes_and_the_small_plots(walk):
     figure.savefig(io.BytesIO(), format="png")
     with pytest.raises(mk.MotionKitError, match="at least one named curve"):
         plots.plot_curves({})
+
+
+@pytest.mark.parametrize("text", ["A", "noise sample", "a rather long sentence about what is seen here"])
+def test_long_labels_leave_room_for_the_picture(walk, text):
+    picture = plots.plot_trajectory([walk] * 5, labels=[f"{text} {n}" for n in range(5)])
+    picture.png()  # layout warns, which is an error here, where no room is left
+    box = picture.axes[0].get_window_extent()
+    assert box.width > 150 and box.height > 150

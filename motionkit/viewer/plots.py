@@ -301,7 +301,10 @@ def style_axes(ax: object, *, legend: bool = False) -> None:
     for label in (ax.xaxis.label, ax.yaxis.label):
         label.set(color=INK, fontsize=9.5)
     if legend:
-        ax.legend(frameon=False, fontsize=8.5, labelcolor=INK, loc="lower right", bbox_to_anchor=(1, 0.99), ncols=4)
+        longest = max((len(text) for text in ax.get_legend_handles_labels()[1]), default=0)
+        columns = int(0.85 * ax.figure.get_figwidth() / (0.5 + 0.07 * longest))  # inches of a key and its text
+        look = {"frameon": False, "fontsize": 8.5, "labelcolor": INK, "ncols": min(max(columns, 1), 4)}
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 0.99), **look)
 
 
 def _axes(ax: object, inches: tuple[float, float]) -> tuple[object, object]:
