@@ -11,13 +11,17 @@ IN := $(VENV)/bin/python
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help lab test tour notebooks examples sheets docs bench fuzz pins clean
+.PHONY: help lab quick test tour notebooks examples sheets docs bench fuzz pins clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 lab: $(READY) ## open JupyterLab on the tour
 	$(IN) -m jupyter lab notebooks/00_tour.ipynb $(LAB)
+
+quick: $(READY) ## lint and the fast tests, in two minutes
+	$(IN) -m ruff check .
+	$(IN) -m pytest -q -m "not slow and not browser and not nightly"
 
 test: $(READY) ## lint, unit tests, every notebook, then the browser
 	$(IN) -m ruff check .

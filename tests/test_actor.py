@@ -13,6 +13,8 @@ from motionkit.actor import CONTENTS, Performer, Style, mix, parameters, perform
 from motionkit.actor.bodies import HEEL
 from motionkit.actor.style import HELD_OUT_STYLES, TRAIN_STYLES, get_style
 
+pytestmark = pytest.mark.slow
+
 STYLES = (*TRAIN_STYLES, *HELD_OUT_STYLES)
 
 

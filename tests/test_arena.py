@@ -20,6 +20,8 @@ from motionkit.arena.cache_key import cache_key
 from motionkit.arena.transfers import one_thread
 from motionkit.datasets import Split
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parent.parent
 QUICK = Protocol("quick", columns=("fmd", "cra", "sra", "truth_error", "tsi", "fsf", "fca", "jitter"))
 FEW = Protocol("few", most=8, columns=("cra", "sra"))

@@ -9,6 +9,8 @@ import motionkit as mk
 from motionkit.arena import PROTOCOLS, Protocol
 from motionkit.datasets import Labels
 
+pytestmark = pytest.mark.slow
+
 BANDAI = [(f"content {c}", style) for c in range(10) for style in ("normal", *"abcdef")]
 
 

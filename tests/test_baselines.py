@@ -74,6 +74,7 @@ def errors(method, pairs):
     return torch.tensor(found).mean(0).tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LEARNED)
 def test_results_are_nearer_to_the_exact_answer_than_the_content(name, learned, test_clips):
     method = learned[name]

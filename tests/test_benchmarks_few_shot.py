@@ -56,6 +56,7 @@ def test_rows_of_table_3_differ_in_their_part_alone(library):
         Config().changed(model="gan")
 
 
+@pytest.mark.slow
 def test_the_autoencoder_learns_to_give_motions_back(method, library, monkeypatch):
     monkeypatch.setattr(benchmark, "_AE_BATCH", 4)
     prior = with_autoencoder(method.prior, library, steps=60, title="")
@@ -99,6 +100,7 @@ def test_direct_is_one_call_without_noise():
     assert torch.equal(predictions, x[None])
 
 
+@pytest.mark.slow
 def test_sweeps_have_figure_8s_ends(method, library):
     """With little noise feet agree and the pair is not yet neutral; small K keeps the content's feet."""
     old, walk = library[1], library[0]

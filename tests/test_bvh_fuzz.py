@@ -73,6 +73,7 @@ def motions(draw) -> Motion:
     return Motion(skeleton, turns, moves, fps, "fuzz", draw(st.sampled_from([1.0, 0.01, 0.0254, 0.056444])))
 
 
+@pytest.mark.slow
 @settings(max_examples=max(100, COUNT // 50))
 @given(motions())
 def test_any_motion_there_and_back(m):
@@ -160,6 +161,7 @@ def check(data: bytes, out: Path) -> str | None:
     return f"took {seconds:.1f} s" if seconds > SECONDS else None
 
 
+@pytest.mark.slow
 def test_broken_files_are_refused_or_read_right(tmp_path):
     texts = seeds()
     for number in range(COUNT):

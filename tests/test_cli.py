@@ -54,6 +54,7 @@ def test_a_style_by_name_says_which_methods_know_names(tmp_path, capsys):
     assert "there is no folder" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_learn_writes_a_style_that_stylize_takes(tmp_path, capsys):
     style, out, walk = tmp_path / "old.safetensors", tmp_path / "kick.bvh", "data/actor/walk_old.bvh"
     learn = ["learn", walk, "--method", "few-shot", "--steps", "1", "-o", str(style), "--prompt"]
@@ -66,6 +67,7 @@ def test_learn_writes_a_style_that_stylize_takes(tmp_path, capsys):
     assert "few-shot takes its style from a BVH file" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_styles_by_name_and_codes_of_styles(tmp_path, capsys):
     """style-code is what learns where there is one; it takes the labels of its library too."""
     style, out, walk = tmp_path / "old.safetensors", tmp_path / "kick.bvh", "data/actor/walk_old.bvh"
@@ -81,6 +83,7 @@ def test_styles_by_name_and_codes_of_styles(tmp_path, capsys):
     assert "'purple' is no style" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_learn_by_the_papers_method(tmp_path, capsys, monkeypatch):
     from motionkit.methods import few_shot
 
@@ -180,6 +183,7 @@ def test_strength_and_warnings_on_the_command_line(tmp_path, capsys):
     assert len(mk.load(out)) == 120
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", [[], ["info"], ["play"], ["stylize"]])
 def test_help_from_a_shell(command):
     result = subprocess.run([sys.executable, "-m", "motionkit", *command, "--help"], capture_output=True, text=True)

@@ -48,6 +48,7 @@ def test_rest_pose_is_a_mirror_image_that_stands_on_the_ground(kind):
     assert rest[:, 1].min() >= 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BEASTS)
 def test_feet_stand_where_contacts_say(kind):
     creature, chance = performing.get_creature(kind), random.Random(kind)

@@ -324,6 +324,7 @@ def test_a_place_that_cannot_be(server, tmp_path):
         download.fetch("xia")
 
 
+@pytest.mark.slow
 def test_the_manifest_is_that_of_the_archive(captures, monkeypatch, tmp_path):
     import make_manifest
 

@@ -177,6 +177,7 @@ def test_fingerprint_counts_tenths_of_millimetres():
     assert performed.fingerprint(still)[0] == told != performed.fingerprint(still, 5)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", performed.TAKES)
 def test_every_machine_makes_the_same(name):
     clips, by_name = FINGERPRINT["clips"][name], {item.name: item for item in ALL[name]}

@@ -17,6 +17,7 @@ ROWS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", make_docs.PAGES)
 def test_the_page_agrees_with_the_code(page):
     text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
@@ -97,6 +98,7 @@ def test_first_sentences():
     assert make_docs.first_sentence("Paper 1, section 4: all weights. steps: how many") == "all weights"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", make_docs.LAYOUTS)
 def test_every_number_of_a_joint_is_in_its_row(make):
     layout = make()

@@ -182,6 +182,7 @@ def test_a_style_is_less_than_a_megabyte(size):
     assert sum(2 * p.numel() for p in LoRA(network, Config.laptop().rank).changes.parameters()) < 1e6
 
 
+@pytest.mark.slow
 def test_finetuning_lowers_the_loss_and_leaves_the_prior_alone(task, losses, prior, judge, tmp_path):
     before = {name: weight.clone() for name, weight in prior.network.state_dict().items()}
     config = Config(steps=12, batch=2, lr=3e-3)
@@ -367,6 +368,7 @@ def test_labels_say_what_the_content_is(method, learned):
     assert torch.equal(neutral.rotations, by_sentence.rotations)
 
 
+@pytest.mark.slow
 def test_a_clip_is_learned_when_it_first_comes(method, monkeypatch):
     walk, old = (mk.load(f"data/actor/walk_{style}.bvh") for style in ("neutral", "old"))
     prompts, learn = [], method.learn
@@ -477,6 +479,7 @@ def test_a_pickled_method_answers_the_same(method, learned, library):
     assert method.with_config(steps=1).fit(library).pairs is not method.pairs
 
 
+@pytest.mark.slow
 def test_in_the_arena(library):
     test = mk.datasets.load("actor").split().test
     few = test.filter(content=["walk", "kick"], style=["neutral", "old"])

@@ -17,6 +17,7 @@ def golden() -> tuple[dict[str, torch.Tensor], str]:
         return {name: file.get_tensor(name) for name in file.keys()}, file.metadata()["machine"]  # noqa: SIM118
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_answers_are_those_that_were_written_down(golden):
     told, machine = golden

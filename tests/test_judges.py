@@ -39,6 +39,7 @@ def judge(small) -> judges.Classifier:
     return judges.train_classifier("content", small, StGcnConfig.tiny(), TrainConfig(40, lr=1e-2), title="")
 
 
+@pytest.mark.slow
 def test_it_learns_and_says_what_it_has_learned(small, judge):
     assert judge.labels == ("bow", "walk") and judge.accuracy(small.train) == 100
     assert judge.card["metrics"] == {"test_accuracy": judge.accuracy(small.test)} and judge.card["seed"] == 0
@@ -144,6 +145,7 @@ class Reversed(ActorSource):
         return Recording(motion.sample(torch.arange(len(motion) - 1, -1, -1.0)))
 
 
+@pytest.mark.slow
 def test_a_single_frame_cannot_tell_which_way_the_film_runs():
     """Both classes have the same poses, so one pose gives away nothing at all, and movement everything."""
     parts = []
@@ -157,6 +159,7 @@ def test_a_single_frame_cannot_tell_which_way_the_film_runs():
     assert moving.accuracy(split.test) == 100
 
 
+@pytest.mark.slow
 def test_the_autoencoder_takes_noise_away(small, tmp_path):
     made_one = judges.train_autoencoder(small, TrainConfig(150, lr=3e-3), title="")
     found = made_one.card["metrics"]
@@ -222,6 +225,7 @@ def test_cards_reach_the_figures_and_say_all(name, label):
     assert {"seed", "seconds", "hardware", "parameters", "data_sha256", "licence", "steps"} <= set(card)
 
 
+@pytest.mark.slow
 def test_the_shipped_actor_judge_keeps_its_cards_word():
     """Every second of the test clips, made anew."""
     items = [item for item in performed.items("actor") if item.labels.split == "test"][::2]
@@ -232,6 +236,7 @@ def test_the_shipped_actor_judge_keeps_its_cards_word():
         assert abs(found - getattr(judge, label).card["metrics"]["test_accuracy"]) < 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.captures
 def test_the_shipped_bandai_judge_keeps_its_cards_word(captures):
     clips = mk.datasets.load("bandai-2", captures).split().test

@@ -178,6 +178,7 @@ def test_semantic_loss_by_hand():
     assert semantic_loss(some(6, 9), some(6, 9) * 2 + 1).item() == pytest.approx(1 - cosine.mean().item(), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_denoiser_overfits_one_clip():
     x = mk.features.FacingFree().encode(mk.load("data/actor/walk_old.bvh"))[:48]
     x = ((x - x.mean(0)) / x.std(0).clamp(min=0.1))[None].expand(8, -1, -1)

@@ -307,6 +307,7 @@ def test_the_solutions_are_right(path, capsys):
     assert capsys.readouterr().out.count(": right.") == len(asked)
 
 
+@pytest.mark.slow
 def test_a_check_loads_no_other_lesson():
     code = "import motionkit as mk, sys; mk.exercises.names(); mk.exercises.check('residual_mix', print); " + (
         "print([name for name in sys.modules if name.startswith('motionkit.lessons.')])"

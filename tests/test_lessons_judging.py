@@ -197,6 +197,7 @@ def test_the_size_of_features_does_not_matter(scale):
     assert torch.equal(away.argmin(1) % 4, torch.arange(40) % 4)
 
 
+@pytest.mark.slow
 def test_eight_hundred_points_are_quick():
     features = grouped(800, 8)
     start = time.process_time()  # of this process alone: a busy machine is not the map's fault

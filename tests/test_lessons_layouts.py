@@ -35,6 +35,7 @@ def test_a_frame_changes_the_facing_picture(walk):
     assert view.frame == len(walk) - 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [FacingFree, Graph, HumanML3D, SixD, StyleERD])
 def test_a_number_lights_its_joint(walk, make):
     layout = make()
@@ -51,6 +52,7 @@ def test_a_number_lights_its_joint(walk, make):
             assert f" {'xyz'[axis]} " in view._shape["describe"][number] or number < 4
 
 
+@pytest.mark.slow
 def test_the_inspector_picture_follows_number_and_frame(walk):
     view = feature_inspector(walk, number=14, frame=10)
     pictures = [view.still()]
@@ -63,6 +65,7 @@ def test_the_inspector_picture_follows_number_and_frame(walk):
     assert view.number == 262
 
 
+@pytest.mark.slow
 def test_a_saved_page_gets_a_picture_with_the_same_name_each_time(walk):
     view, again = facing_view(walk), facing_view(walk)
     assert view._still == again._still != feature_inspector(walk)._still

@@ -529,6 +529,7 @@ def known_answers(beginning: str):
     return test
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, old, new, beginning", MUTANTS)
 def test_a_mutated_metric_is_caught(name, old, new, beginning, monkeypatch, request):
     test = known_answers(beginning)

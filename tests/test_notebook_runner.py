@@ -28,6 +28,7 @@ def tool(name: str, *paths: Path) -> subprocess.CompletedProcess:
     return subprocess.run(command, capture_output=True, text=True)
 
 
+@pytest.mark.slow
 def test_a_sound_notebook_passes_and_a_broken_one_fails(tmp_path):
     sound = write(tmp_path / "sound.ipynb", "import motionkit", "assert motionkit.__name__ == 'motionkit'")
     broken = write(tmp_path / "broken.ipynb", "x = 1", "assert x == 2, 'broken on purpose'", "x")
@@ -40,6 +41,7 @@ def test_a_sound_notebook_passes_and_a_broken_one_fails(tmp_path):
     assert "sound.ipynb: a cell failed" not in result.stdout
 
 
+@pytest.mark.slow
 def test_a_checked_output_that_changed_fails(tmp_path):
     path = write(tmp_path / "drift.ipynb", "# NBVAL_CHECK_OUTPUT\nprint(41 + 1)")
     assert run_notebooks.run_in_place(path) == []
@@ -48,6 +50,7 @@ def test_a_checked_output_that_changed_fails(tmp_path):
     assert result.returncode == 1, result.stdout
 
 
+@pytest.mark.slow
 def test_executing_twice_gives_the_same_file(tmp_path):
     widget = "import ipywidgets, uuid\nprint(uuid.uuid4(), object())\nipywidgets.IntSlider()"
     path = write(tmp_path / "twice.ipynb", "{str(k) for k in range(20)}", widget)
@@ -58,6 +61,7 @@ def test_executing_twice_gives_the_same_file(tmp_path):
     assert b"a live widget" in first and b"widget-view" not in first
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "fault"),
     [

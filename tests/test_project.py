@@ -97,6 +97,7 @@ def test_documents_name_no_path_of_one_machine():
     assert [path.name for path in documents if MACHINE_PATH.search(path.read_text())] == []
 
 
+@pytest.mark.slow
 def test_functions_stay_short():
     long_functions = [
         f"{path.name}: {node.name}, {node.end_lineno - node.lineno + 1} lines"

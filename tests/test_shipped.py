@@ -69,6 +69,7 @@ def test_the_data_are_those_that_the_weights_learned_from(actor, prior):
     assert {card["training_clips"] for card in cards} == {prior.card["training_clips"]} == {len(actor.train)}
 
 
+@pytest.mark.slow
 def test_the_prior_is_as_good_as_its_card_says(actor, prior):
     few = actor.test[::6]
     judge, made = mk.judges.load("actor"), generate_for(prior, few)
@@ -126,11 +127,13 @@ def test_far_prompts_are_told(prior):
         prior.generate("a dog barks at the moon", seconds=1)
 
 
+@pytest.mark.slow
 def test_the_discriminator_finds_as_much_as_its_card_says(actor):
     judge = mk.methods.text_to_motion.load_discriminator("actor")
     assert retrieval(judge, actor.test) == pytest.approx(judge.card["metrics"], abs=2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.captures
 def test_the_discriminator_of_captures_too(captures):
     judge = mk.methods.text_to_motion.load_discriminator("bandai-2")
@@ -148,6 +151,7 @@ def test_mini_finds_the_motion_of_a_sentence(actor):
     assert found == pytest.approx(encoder.card["metrics"]["sentence_by_sentence_r1"], abs=2)
 
 
+@pytest.mark.slow
 def test_the_shipped_style_erd_is_as_good_as_its_card_says(actor):
     from motionkit.methods.style_erd import evaluate_model
 

@@ -41,6 +41,8 @@ from motionkit.methods.style_code_training import (
 )
 from motionkit.training import TrainConfig, TrainOrder
 
+pytestmark = pytest.mark.slow
+
 WALKS = Labels(texts=("a person walks",))
 
 

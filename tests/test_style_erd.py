@@ -373,6 +373,7 @@ def test_a_cycle_counts_by_its_weight_and_can_be_trained(data, windows, contents
     assert len(run.losses) == SMALL.steps and all(torch.isfinite(w).all() for w in net.parameters())
 
 
+@pytest.mark.slow
 def test_a_model_is_trained_and_measured(data, capsys):
     model = train_model(data, SMALL, label_steps=3, title="")
     assert model.styles[0] == "neutral" and model.labeller is not None and model.card["batch"] == 6

@@ -30,6 +30,7 @@ def test_guesses_are_the_labellers_own(walk):
             assert np.abs(mine[0] - theirs.numpy()).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_labels_are_learned():
     windows = Windows.of(four_clips(), 30.0, 60)
     before, after = FrameClassifier(22, 2, 3), train_frame_classifier(windows, 22, steps=150, title="")

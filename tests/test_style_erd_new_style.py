@@ -34,6 +34,7 @@ def test_a_new_branch_stands_beside_the_others_which_stay(input_residual):
     assert torch.allclose(new, branch(x, content, style), atol=1e-5)
 
 
+@pytest.mark.slow
 def test_one_clip_teaches_a_style_more(walk):
     model, played = small_model(input_residual=True), perform("walk", "neutral", seed=3, seconds=2.0)
     angry = retell(played, "angry").time_aligned(played)
@@ -48,6 +49,7 @@ def test_one_clip_teaches_a_style_more(walk):
         learn_style(model, "new", angry[:10], played.motion, "walk")
 
 
+@pytest.mark.slow
 def test_a_style_learned_from_a_walk_carries_nobody_along_who_stands():
     """A bow at rest, in a style that the shipped model has learned from somebody walking: two metres, once."""
     model, played = mk.methods.load("style-erd").model, perform("walk", "neutral", seed=3, seconds=4, fps=60)

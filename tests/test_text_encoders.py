@@ -180,6 +180,7 @@ def test_two_at_once_lose_nothing_that_was_written(folder):
     assert third.asked == []
 
 
+@pytest.mark.slow
 def test_two_processes_share_a_cache(folder):
     code = """
 import sys, torch

@@ -284,6 +284,7 @@ def train_until_killed(kept, begun, saves: int) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL there")
 def test_a_run_that_is_killed_at_any_moment_goes_on_as_if_nothing_had_happened(tmp_path, one_thread):
     kept, context, reached = tmp_path / "a.run", multiprocessing.get_context("forkserver"), [0]

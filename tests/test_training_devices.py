@@ -22,6 +22,8 @@ from motionkit.text import train as text_train
 from motionkit.text.encoders import Mini, MiniConfig, MiniNetwork
 from motionkit.training import TrainConfig, TrainOrder, fit, fit_adversarial
 
+pytestmark = pytest.mark.slow
+
 TWO = TrainConfig(2)
 
 

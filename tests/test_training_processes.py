@@ -18,6 +18,8 @@ from motionkit import checkpoints
 from motionkit.text.encoders import Mini, MiniConfig, MiniNetwork
 from motionkit.training import fit, seed_batch
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parent.parent
 # `--cpu` would start one process only; `--multi_gpu` starts several, and they stay on the CPU if they are told so.
 LAUNCH = ["-m", "accelerate.commands.launch", "--multi_gpu", "--num_processes", "2", "--num_machines", "1",

@@ -55,6 +55,7 @@ def test_no_frames_is_one_clear_error(walk):
         mk.Player("walk.bvh")
 
 
+@pytest.mark.slow
 def test_importing_the_kit_loads_no_heavy_library():
     heavy = ("plotly", "matplotlib", "anywidget", "IPython")
     code = f"import sys, motionkit, motionkit.viewer; print([m for m in {heavy} if m in sys.modules])"

@@ -125,6 +125,7 @@ def run_cells(*cells: str) -> list[list[dict]]:
     return [[output.get("data", {}) for output in cell.outputs if "data" in output] for cell in book.cells]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # of the kernel's machinery
 def test_a_saved_notebook_holds_the_whole_curve_however_the_cell_ends():
     ended, shown, broken, gone_on, empty, filled = run_cells(
