@@ -267,9 +267,9 @@ class _Training:
         for model in models:
             trained = [weight for weight in model.parameters() if weight.requires_grad]
             optimizer = torch.optim.AdamW(trained, config.lr, weight_decay=config.weight_decay)
-            wrapped, optimizer = self._accelerator.prepare(model, optimizer)
-            self.models.append(wrapped)
-            self._optimizers.append(optimizer)
+            # "evaluation": without torch's DistributedDataParallel, through which a loss cannot call a model's methods
+            self.models.append(self._accelerator.prepare_model(model, evaluation_mode=True))
+            self._optimizers.append(self._accelerator.prepare_optimizer(optimizer))
             self._means.append(_running_mean(model, config.ema) if config.ema else None)
         self._values: list[float] = []
         self._kept_buffers: list[Tensor] | None = None
@@ -279,6 +279,9 @@ class _Training:
     def __enter__(self) -> _Training:
         for part in self._frozen:
             part.to(self._accelerator.device)
+        for model in self.models:
+            for value in (*model.parameters(), *model.buffers()):
+                broadcast(value.data)
         if self.file is not None and self.file.exists():
             self._read()
         steps = torch.tensor([len(self.run.losses)], device=self._accelerator.device)
@@ -319,6 +322,7 @@ class _Training:
         """The gradients of a loss in the weights of model n; _NotFinite before any harm is done to them."""
         self._optimizers[n].zero_grad()
         self._accelerator.backward(loss)
+        self._average([weight for weight in self.models[n].parameters() if weight.requires_grad])
         norm = nn.utils.clip_grad_norm_(self.models[n].parameters(), self.config.grad_clip)
         own = torch.stack((loss.detach().float(), norm.detach().float()))
         value, norm = self._accelerator.reduce(own.clone(), "mean").tolist()
@@ -326,6 +330,16 @@ class _Training:
             what = f"the loss of step {len(self.run.losses)} is {value}, the norm of its gradient {norm}"
             raise _NotFinite(what, math.isfinite(value) or not math.isfinite(float(own[0])))
         self._values.append(value)
+
+    def _average(self, weights: list[Tensor]) -> None:
+        """The mean of the gradients of all processes; None where no process has one."""
+        if self._accelerator.num_processes == 1:
+            return
+        there = torch.tensor([weight.grad is not None for weight in weights], device=self._accelerator.device)
+        for weight, anywhere in zip(weights, self._accelerator.reduce(there.float(), "sum").tolist()):
+            if anywhere:
+                own = torch.zeros_like(weight) if weight.grad is None else weight.grad
+                weight.grad = self._accelerator.reduce(own, "mean")
 
     def update(self) -> None:
         """One step of every optimizer, by the gradients that `backward` left."""

@@ -12,6 +12,8 @@ from test_training import GAME, LOSSES, MEAN, a_batch, a_loss, a_net, a_net_with
 
 import motionkit as mk
 from motionkit.__main__ import main
+from motionkit.methods import style_erd
+from motionkit.methods.style_erd_data import Windows
 from motionkit.training import TrainConfig, fit, fit_adversarial, is_main, main_process_first
 
 BAD = 3  # the step whose batch holds a NaN, in the second process
@@ -55,6 +57,15 @@ def game(folder: Path, rank: int, said: dict) -> None:
     save_file(torch.nn.ModuleList(pair).state_dict(), folder / f"game-{rank}.safetensors")
 
 
+def style_erd_too(folder: Path, rank: int, said: dict) -> None:
+    """Style-ERD, whose losses call methods of the generator; a loss that leaves out weights of some branches."""
+    data = mk.datasets.load("folder", root=sys.argv[2])
+    contents = style_erd.train_content_classifier(Windows.of(data, 30.0), 22, steps=2, title="")
+    config = replace(style_erd.Config.tiny(), steps=3)
+    model = style_erd.train_model(data, config, label_steps=0, contents=contents, title="")
+    save_file(model.network.state_dict(), folder / f"style-erd-{rank}.safetensors")
+
+
 def bad(folder: Path, rank: int, said: dict) -> None:
     """A NaN in the second process only."""
 
@@ -77,7 +88,7 @@ if __name__ == "__main__":
     folder, clips = map(Path, sys.argv[1:3])
     said = {"main": is_main(), "processes": PartialState().num_processes}
     rank = PartialState().process_index
-    for part in (together, broken_off, game, bad):
+    for part in (together, broken_off, game, style_erd_too, bad):
         part(folder, rank, said)
         PartialState().wait_for_everyone()
     main_process_first(lambda: (folder / f"written-by-{rank}").touch())

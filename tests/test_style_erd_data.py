@@ -1,5 +1,7 @@
 """What Style-ERD learns from: windows, pairs in time, and the batches that are drawn of them."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from style_erd_small import four_clips
@@ -133,3 +135,17 @@ def test_unpaired_no_style_need_have_the_content(windows):
         for content, target, real in zip(*(batch[name].tolist() for name in ("content", "target", "real_content"))):
             kinds.setdefault((windows.contents[content], windows.styles[target]), set()).add(windows.contents[real])
     assert kinds["jump", "old"] == kinds["jump", "proud"] == {"walk"}  # nobody jumps in these styles
+
+
+def test_contents_that_nobody_does_neutrally_are_left_out(data):
+    windows = Windows.of(data, 30.0)
+    lonely = int(windows.content[windows.style > 0][0])
+    kept = (windows.content != lonely) | (windows.style > 0)  # nobody does this content neutrally any more
+    rows = {name: getattr(windows, name)[kept] for name in ("x", "content", "style", "offsets", "window_index",
+                                                            "initial_velocity", "paired_with")}  # fmt: skip
+    draw = Draw(replace(windows, **rows, num_captured=int(kept.sum())), 6)
+    assert not draw.usable.all() and all(lonely not in draw(step)["content"] for step in range(8))
+    styled = replace(draw.windows, **{name: value[draw.windows.style > 0] for name, value in
+                                      {name: getattr(draw.windows, name) for name in rows}.items()})  # fmt: skip
+    with pytest.raises(mk.MotionKitError, match="take a config with cycle above 0"):
+        Draw(styled, 6)(0)

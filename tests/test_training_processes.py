@@ -32,7 +32,7 @@ def two(tmp_path_factory):
     folder = tmp_path_factory.mktemp("two")
     (folder / "checkpoints").mkdir()
     (folder / "clips").mkdir()
-    for name in ("walk_old", "walk_angry", "run_angry"):
+    for name in ("walk_neutral", "walk_old", "walk_angry", "run_neutral", "run_angry"):
         walk = mk.load(ROOT / "data" / "actor" / f"{name}.bvh")
         for take in range(4):
             mk.save(walk[take : take + 45], folder / "clips" / f"{name}_{take}.bvh")
@@ -83,7 +83,7 @@ def test_two_processes_train_as_one_on_the_mean_of_their_losses(two):
         assert not torch.allclose(found["0.weight"], alone.state_dict()["0.weight"], atol=1e-3)
 
 
-@pytest.mark.parametrize("name", ["together", "broken", "buffers", "game"])
+@pytest.mark.parametrize("name", ["together", "broken", "buffers", "game", "style-erd"])
 def test_both_end_with_the_same_weights(two, name):
     first, second = weights(two, name)
     assert all(torch.equal(first[name], second[name]) for name in first)

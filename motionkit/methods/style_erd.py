@@ -51,8 +51,8 @@ _LATE = 0.5  # seconds that a guessed content comes late
 def quaternion_loss(a: Tensor, b: Tensor) -> Tensor:
     """The squared angles between unit quaternions [..., J, 4] (paper 2, eq. 2), summed over joints, [...].
 
-    The arc cosine of |a . b|, half the angle of the rotation from one to the other. Near equal ones its gradient has no
-    end; the same angle by the arc tangent is gentle there.
+    The arc cosine of |a . b|, half the angle of the rotation from one to the other. Near equal ones its gradient is
+    unbounded; that of the same angle by the arc tangent is not.
 
     >>> turned = torch.tensor([[0.5, 0.5, 0.5, 0.5]])
     >>> quaternion_loss(torch.tensor([[1.0, 0.0, 0.0, 0.0]]), -turned)  # (pi / 3) squared: both signs are one rotation
@@ -80,7 +80,7 @@ def reconstruction_loss(
 
 
 def adversarial_loss(fake: Tensor) -> Tensor:
-    """What the generator wants of the critic's scores [B] of its motions: 0 (paper 2, eq. 4, as written).
+    """L_adv: the generator wants the critic's scores [B] of its motions to be 0 (paper 2, eq. 4, as written).
 
     >>> adversarial_loss(torch.tensor([-1.0, 0.0]))
     tensor(0.5000)
@@ -89,7 +89,7 @@ def adversarial_loss(fake: Tensor) -> Tensor:
 
 
 def discriminator_loss(real: Tensor, fake: Tensor) -> Tensor:
-    """What the critic wants: 1 for real motions, -1 for generated ones, both [B] (paper 2, eq. 5).
+    """L_cri: the critic wants 1 for real motions, -1 for generated ones, both [B] (paper 2, eq. 5).
 
     >>> discriminator_loss(torch.tensor([1.0]), torch.tensor([0.0]))
     tensor(1.)
@@ -113,7 +113,8 @@ def gradient_penalty(scores: Tensor, real: Tensor) -> Tensor:
 def perceptual_loss(before: Sequence[Tensor], after: Sequence[Tensor]) -> Tensor:
     """How far the content classifier's maps are apart, before and after the transfer (paper 2, eq. 7).
 
-    Maps [B, C', T'] of every layer; the mean of squares of each, summed over layers.
+    Maps [B, C', T'] of every layer. Eq. 7 is a squared norm, a sum over the map; here it is the map's mean, summed over
+    layers, so that w_per = 0.1 counts less than as written.
 
     >>> perceptual_loss([torch.zeros(1, 2, 3)], [torch.full((1, 2, 3), 2.0)])
     tensor(4.)
@@ -122,7 +123,7 @@ def perceptual_loss(before: Sequence[Tensor], after: Sequence[Tensor]) -> Tensor
 
 
 def generator_objective(reconstruction: Tensor, adversarial: Tensor, perceptual: Tensor) -> Tensor:
-    """The generator's loss (paper 2, eq. 8): reconstruction of all frames [B, F], and both supervision modules.
+    """L_gen (paper 2, eq. 8): reconstruction of all frames [B, F], and both supervision modules.
 
     >>> generator_objective(torch.ones(2, 24), torch.tensor(0.5), torch.tensor(2.0))
     tensor(24.7000)
@@ -131,7 +132,7 @@ def generator_objective(reconstruction: Tensor, adversarial: Tensor, perceptual:
 
 
 def discriminator_objective(loss: Tensor, penalty: Tensor) -> Tensor:
-    """The critic's loss (paper 2, eq. 9).
+    """L_dis, all of the critic's loss (paper 2, eq. 9).
 
     >>> discriminator_objective(torch.tensor(2.0), torch.tensor(0.5))
     tensor(66.)
@@ -148,11 +149,13 @@ class Config:
 
     steps, batch, lr: of the generator; critic_lr_ratio: the critic's learning rate over it. adversarial, perceptual,
     attention, initial_states: false leaves that part out (table 1). fps: of the windows. Beyond the paper, and 0 in it:
-    cycle: above 0, styles need not have been seen doing the same (section C.1), and what was restyled must come back
-    as it was, which counts so much. burn_in: warm-start windows, see `style_erd_data.Draw`. gate_bias: gate-bias
-    initialisation, see `StyleErd`. smoothness: how much it counts that reconstructed positions move from frame to frame
-    as those that came in do, or they tremble. paired: how much it counts that a window that is paired in time is
-    restyled as its pair; the paper needs pairs, but none in step. `laptop()` has the same parts and sizes.
+    cycle: above 0, styles need not have been seen doing the same (supplement C.1), and what was restyled must come back
+    as it was, which counts so much. ema: of the weights, see `training.TrainConfig`. burn_in: warm-start windows, see
+    `style_erd_data.Draw`. gate_bias: gate-bias initialisation, see `StyleErd`. smoothness: how much it counts that
+    positions move from frame to frame as their target does, or they tremble, where they are reconstructed and where
+    they are restyled as a pair. paired: how much it counts that a window that is paired in time is restyled as its
+    pair; the paper needs pairs, but none in step. `laptop()` adds all of these but the cycle, and
+    `Sizes.input_residual`.
     """
 
     sizes: Sizes = Sizes()
@@ -170,6 +173,7 @@ class Config:
     gate_bias: float = 0.0
     smoothness: float = 0.0
     paired: float = 0.0
+    ema: float = 0.0
 
     @classmethod
     def paper(cls, windows: int) -> Config:
@@ -179,7 +183,7 @@ class Config:
     @classmethod
     def laptop(cls) -> Config:
         """Larger batches and rates, fewer steps; and everything beyond the paper but the cycle."""
-        beyond = {"burn_in": 9, "gate_bias": 1.5, "smoothness": 8.0, "paired": 1.0}
+        beyond = {"burn_in": 9, "gate_bias": 1.5, "smoothness": 8.0, "paired": 1.0, "ema": 0.995}
         return cls(Sizes(input_residual=True), steps=16000, batch=64, lr=3e-3, **beyond)
 
     @classmethod
@@ -189,7 +193,7 @@ class Config:
 
 
 _FULL = replace(Config.laptop(), paired=0.0, sizes=Sizes())
-ABLATIONS = {  # the rows of paper 2's table 1, and two of which the paper knows nothing
+ABLATIONS = {  # paper 2's table 1, all with the burn-in, gate bias, smoothness and EMA of `laptop()`; two more
     "ours": _FULL,
     "L_gen = L_rec": replace(_FULL, adversarial=False, perceptual=False),
     "L_gen = L_rec + L_adv": replace(_FULL, perceptual=False),
@@ -210,7 +214,10 @@ class StyleErdLoss(nn.Module):
         self.contents = contents.eval().requires_grad_(False)
 
     def generator(self, generator: StyleErd, critic: nn.Module | None, batch: dict) -> tuple[Tensor, Tensor]:
-        """The generator's loss (paper 2, eq. 8), and what it generated as the critic sees it, [B, F, 6J]."""
+        """The generator's loss, and what it generated as the critic sees it, [B, F, 6J].
+
+        L_gen (paper 2, eq. 8); where the config says so, with what goes beyond the paper: smoothness, paired, cycle.
+        """
         config, x, content, target = self.config, batch["x"], batch["content"], batch["target"]
         source = split_frames(x)
         place = partial(placed_positions, self.skeleton, batch["offsets"], lowest=lowest_foot(self.skeleton, source[1]))
@@ -247,7 +254,7 @@ class StyleErdLoss(nn.Module):
         return discriminator_objective(loss, gradient_penalty(scores, real))
 
     def forward(self, generator: StyleErd, batch: dict) -> Tensor:
-        """Eq. 8 without a critic, where the adversarial term is left out."""
+        """Eq. 8 without a critic, for configs that leave the adversarial term out."""
         return self.generator(generator, None, batch)[0]
 
     @staticmethod
@@ -304,7 +311,7 @@ def train_generator(
     critic = (FTAttDiscriminator if config.attention else MultiClassDiscriminator)(joints, *counts)
     generator = StyleErd(joints, *counts, config.sizes, learned=config.initial_states, gate_bias=config.gate_bias)
     signature = f"{config}, {len(windows.x)} windows of {windows.contents} in {windows.styles}"
-    numbers = {"weight_decay": 0.0, "grad_clip": 1e6, "ema": 0.995, "critic_lr_ratio": config.critic_lr_ratio}
+    numbers = {"weight_decay": 0.0, "grad_clip": 1e6, "ema": config.ema, "critic_lr_ratio": config.critic_lr_ratio}
     training = TrainConfig(config.steps, config.lr, seed=seed, signature=signature, **numbers)
     draw = Draw(windows, config.batch, config.burn_in, config.cycle > 0)
     loss = StyleErdLoss(skeleton, contents, config)
@@ -345,7 +352,7 @@ class ErdModel(Checkpoint):
 
     @cached_property
     def body(self) -> NumpyKinematics:
-        """The skeleton's, too."""
+        """The skeleton's forward kinematics in NumPy, for live streams."""
         return NumpyKinematics(self.skeleton)
 
     def label_id(self, what: str, label: str) -> int:

@@ -113,7 +113,7 @@ class Draw:
 
     size: windows a batch. burn_in: half of the batches are not the beginning of a stream; the frames of up to so many
     earlier windows come before them (beyond the paper, where each window begins anew; 0). unpaired: a style need not
-    have been seen doing the same, and the critic is shown whatever there is of it (section C.1).
+    have been seen doing the same, and the critic is shown whatever there is of it (paper 2, supplement C.1).
     """
 
     windows: Windows
@@ -148,6 +148,21 @@ class Draw:
             "real_content": windows.content[real],
         }
 
+    @cached_property
+    def usable(self) -> Tensor:
+        """Which windows have a target, bool [W]: a styled one needs its content done neutrally, or `unpaired`."""
+        windows = self.windows
+        if self.unpaired:
+            return torch.ones(len(windows.x), dtype=torch.bool)
+        kinds = zip(windows.content.tolist(), windows.style.tolist())
+        able = torch.tensor([(content, 0) in windows.members for content, _ in kinds])
+        if not able.any():
+            raise MotionKitError(
+                "Style-ERD learns from contents that are done neutrally and in a style; found none: take a config with "
+                "cycle above 0, which needs no such pairs"
+            )
+        return able
+
     def back(self) -> int:
         """How many windows come before those of a batch: for half of the batches none; else up to `burn_in`."""
         most = 0 if self.unpaired else min(self.burn_in, int(self.windows.window_index.max()))
@@ -160,7 +175,7 @@ class Draw:
         time to the style of their pair. back: how many windows there must be before each.
         """
         windows = self.windows
-        able = torch.nonzero(windows.window_index >= back)[:, 0]
+        able = torch.nonzero(self.usable & (windows.window_index >= back))[:, 0]
         chosen = able[torch.randint(len(able), (self.size,))]
         target = []
         for content, style in zip(windows.content[chosen].tolist(), windows.style[chosen].tolist()):

@@ -1,4 +1,7 @@
-"""Content and style of what comes in, guessed frame by frame where nobody says them (paper 2, supplement C.1)."""
+"""Content and style of what comes in, predicted frame by frame where no labels are given.
+
+Beyond paper 2, whose supplement only says that labels of contents may be missing (C.1) and suggests a classifier (C.4).
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ _SMOOTHING = 0.1  # how much of a guess a new frame changes, so that labels do n
 
 
 class FrameClassifier(nn.Module):
-    """A small recurrent classifier (paper 2, supplement C.1): after every frame, what the frames so far look like.
+    """A small recurrent classifier (beyond paper 2): after every frame, what the frames so far look like.
 
     >>> guess = FrameClassifier(joints=5, contents=3, styles=4)
     >>> content, style, state = guess(torch.randn(2, 24, 50))

@@ -26,8 +26,8 @@ class Sizes:
     input_residual: whether what comes in goes around the network, too (beyond the paper, see `input_residual`).
 
     `paper()` is paper 2, supplement A: an encoder of (64, 32), 6 LSTM layers for the neutral branch and 4 for each
-    style, a decoder of (58, 86, 128, 184), ReLU between. The paper does not say how the last of these becomes
-    quaternions and velocities; here a linear layer follows. Raises MotionKitError for sizes below 1.
+    style, a decoder of (58, 86, 128, 184), ReLU after each, z included. The paper does not say how the last of these
+    becomes quaternions and velocities; here a linear layer follows. Raises MotionKitError for sizes below 1.
 
     >>> Sizes.paper().neutral
     6
@@ -105,9 +105,9 @@ class LSTMBank(nn.Module):
 class StyleErd(nn.Module):
     """Paper 2's generator (section 3.1): encoder, neutral branch plus the target style's residual, decoder.
 
-    joints: J. contents, styles: how many labels there are, n_C and n_S, the neutral style with the number 0. learned:
-    whether the initial states are learned (table 1's last row has zeros). gate_bias: is added to the first biases of
-    the input and output gates; 0 is PyTorch's default, as in the paper.
+    joints: J. contents, styles: how many labels there are, n_C and n_S + 1: style 0 is neutral. learned: whether the
+    initial states are learned (table 1's last row has zeros). gate_bias: is added to the first biases of the input and
+    output gates; 0 is PyTorch's default, as in the paper.
 
     >>> net = StyleErd(joints=5, contents=3, styles=4, sizes=Sizes.tiny())
     >>> x, content, style = torch.randn(2, 24, 50), torch.tensor([0, 2]), torch.tensor([0, 1])
@@ -219,6 +219,7 @@ class StyleErd(nn.Module):
         return torch.cat((output[..., :start], root, output[..., start + 3 :]), 2)
 
     def _decode(self, features: Tensor, weights: Tensor) -> Tensor:
+        """z' = r_0 + the weighted residuals of styles, decoded; neutral is r_0 alone (paper 2, sections 3.1, 4.4)."""
         mixed = features[:, :, 0] + torch.einsum("bfs,bfsh->bfh", weights[..., 1:], features[:, :, 1:])
         return self.decoder(torch.cat((mixed, weights), 2))
 
@@ -333,7 +334,7 @@ class ContentClassifier(nn.Module):
         self.head = nn.Linear(CHANNELS[-1], contents)
 
     def forward(self, x: Tensor) -> tuple[Tensor, list[Tensor]]:
-        """x: [B, F, 10J] to scores [B, C], and phi, the maps of every convolution [B, C', F / 2, 4]."""
+        """x: [B, F, 10J] to scores [B, C], and phi, the maps of both convolutions, [B, C', F/2] and [B, C', F/4]."""
         x, features = x.mT, []
         for layer in self.convolutions:
             x = layer(x)

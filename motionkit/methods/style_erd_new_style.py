@@ -1,6 +1,6 @@
 """A style more for a trained Style-ERD, from one clip: one residual branch learns, all else stays as it is.
 
-Beyond paper 2, whose section C.1 leaves quick adaptation to unseen styles open.
+Beyond paper 2, whose supplement C.1 leaves quick adaptation to unseen styles open.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class StyleBranch(nn.Module):
 def learn_style(
     model: ErdModel, name: str, clip: Motion, neutral: Motion, content: str, *, seed: int = 0, **running
 ) -> tuple[ErdModel, Run]:
-    """Teach a model a new style from one clip and its neutral pair, in step with it (paper 2, section C.1).
+    """Teach a model a new style from one clip and its neutral pair, in step with it (beyond paper 2).
 
     clip, neutral: F frames each of the model's skeleton and rate, such as by `neutral_pairs.NeutralPairs`. content:
     what is done. running: as in `training.fit`. The loss is the rebuilding loss (eq. 3) of the clip from its pair, with
