@@ -70,7 +70,6 @@ SHOWN = {
     "benchmarks.few_shot.sweep_k": "07 c28",
     "benchmarks.few_shot.with_autoencoder": "07 c28",
     "methods.style_erd_stream.ErdStream": "08 longer-words",
-    "methods.style_erd_labels.FrameClassifier": "08 longer-words",
 }
 PAPERS = """# Papers, equations, code
 
