@@ -233,7 +233,7 @@ def test_a_saved_style_is_the_same_style(styles, prior, tmp_path):
     caption = "a person is kicking"
     assert torch.allclose(again.predict(caption)(x, t), styles[0].predict(caption)(x, t), atol=2e-2)
     assert (again.name, again.prompt) == ("old", "a old person walks")
-    assert again.partial.timesteps == styles[0].partial.timesteps and "thousand numbers" in repr(again)
+    assert again.partial.timesteps == styles[0].partial.timesteps and "thousand parameters" in repr(again)
     data = path.read_bytes()
     path.write_bytes(data[:-100])
     with pytest.raises(mk.MotionKitError, match="damaged"):

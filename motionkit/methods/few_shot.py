@@ -262,7 +262,7 @@ class LearnedStyle(Checkpoint):
 
     def __repr__(self) -> str:
         count = sum(weight.numel() for weight in self.adapter.changes.parameters())
-        return f"LearnedStyle({self.name!r}, {count / 1000:.0f} thousand numbers beside {self.prior!r})"
+        return f"LearnedStyle({self.name!r}, {count / 1000:.0f} thousand parameters beside {self.prior!r})"
 
     @cached_property
     def network(self) -> Callable[..., Tensor]:

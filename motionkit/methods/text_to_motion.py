@@ -61,7 +61,7 @@ class Prior(Checkpoint):
 
     def __repr__(self) -> str:
         millions = sum(p.numel() for p in self.network.parameters()) / 1e6
-        return f"Prior({millions:.1f} million weights, text by {self.encoder.name!r}, {self.layout.skeleton!r})"
+        return f"Prior({millions:.1f} million parameters, text by {self.encoder.name!r}, {self.layout.skeleton!r})"
 
     @property
     def fps(self) -> float:
@@ -517,7 +517,7 @@ def load(data: str = "actor", encoder: TextEncoder | None = None) -> Prior:
     those that there are, or if the files are damaged or do not fit.
 
     >>> load("actor")
-    Prior(1.9 million weights, text by 'mini', Skeleton(22 joints, root 'pelvis', height ... m))
+    Prior(1.9 million parameters, text by 'mini', Skeleton(22 joints, root 'pelvis', height ... m))
     """
     return Prior.load(checkpoints.find(f"{data}-prior"), encoder=encoder)
 
