@@ -364,6 +364,8 @@ def test_labels_say_what_the_content_is(method, learned):
     assert not torch.equal(kick.rotations, by_sentence.rotations)
     styled = method.stylize(walk, learned, labels=WALKS._replace(style="old"))  # made neutral first
     assert not torch.equal(styled.rotations, by_sentence.rotations)
+    another = method.stylize(walk, learned, labels=WALKS._replace(style="old"), seed=5)  # another neutral motion
+    assert not torch.equal(styled.rotations, another.rotations)
     neutral = method.stylize(walk, learned, labels=WALKS._replace(style="neutral"))
     assert torch.equal(neutral.rotations, by_sentence.rotations)
 

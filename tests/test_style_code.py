@@ -3,6 +3,7 @@ what the shipped ones can do."""
 
 import pickle
 import random
+from dataclasses import replace
 
 import pytest
 import torch
@@ -209,6 +210,12 @@ def test_files_load_with_their_own_method_and_prior_alone(method, small, prior, 
     assert paper.load_style(style).name == "old"
     with pytest.raises(mk.MotionKitError, match="another prior"):
         mk.methods.load("few-shot", prior="bandai-2").load_style(style)
+
+
+def test_a_prior_of_unknown_data_needs_its_model_too(prior):
+    unknown = replace(prior, card={k: v for k, v in prior.card.items() if k != "data"})
+    with pytest.raises(mk.MotionKitError, match="does not say its data; give a model"):
+        load(unknown)
 
 
 def test_a_label_is_read_off_the_librarys_clips_and_never_asks_the_performer(method, monkeypatch):

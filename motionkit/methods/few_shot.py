@@ -467,10 +467,11 @@ class FewShot(StyleTransfer):
         first = max(len(body) - self.prior.longest, 0) // 2
         return body[first : first + self.prior.longest]
 
-    def neutral_features(self, body: Motion, caption: str) -> Tensor:
-        """The neutral motion for one in some style, features [F, D] (paper 1, eqs. 7 and 8)."""
-        options = {"G": self.config.G, "steps": self.config.pair_steps, "seed": self.seed}
-        key = motion_hash(body), caption
+    def neutral_features(self, body: Motion, caption: str, seed: int | None = None) -> Tensor:
+        """The neutral motion for one in some style, features [F, D] (paper 1, eqs. 7 and 8). seed: of its noise."""
+        seed = self.seed if seed is None else seed
+        options = {"G": self.config.G, "steps": self.config.pair_steps, "seed": seed}
+        key = motion_hash(body), caption, seed
         return self._neutrals.get(key, lambda: neutral_pair(self.prior, body, caption, **options))
 
     @cached_property
@@ -530,7 +531,7 @@ class FewShot(StyleTransfer):
         caption = text.to_neutral(labels.caption or self.caption_of(body))
         x = self.prior.encode(body)
         styled = labels.style not in ("", *NEUTRAL)
-        start = self.neutral_features(body, caption) if styled or not style else x
+        start = self.neutral_features(body, caption, seed) if styled or not style else x
         if not style:
             return base.match_root_speed(self._decode(start, x, body), body)
         styles = {one: strength * weight for one, weight in style.items()}

@@ -136,7 +136,7 @@ class StyleCodeModel(Checkpoint):
     card: dict = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
-        return f"StyleCodeModel({CODES} numbers say a style, on {self.prior!r})"
+        return f"StyleCodeModel(codes of {CODES} parameters, on {self.prior!r})"
 
     @cached_property
     def key(self) -> str:
@@ -187,10 +187,12 @@ def load(prior: str | Prior = "actor") -> StyleCodeModel:
     """The shipped model that was made from a prior, or a dataset's, with its encoder; MotionKitError if there is none.
 
     >>> load("actor")
-    StyleCodeModel(37 numbers say a style, on Prior(...))
+    StyleCodeModel(codes of 37 parameters, on Prior(...))
     """
     prior = text_to_motion.load(prior) if isinstance(prior, str) else prior
     data = prior.card.get("data")
+    if not data:
+        raise MotionKitError("style-code: the card of this prior does not say its data; give a model made from it too")
     model = StyleCodeModel.load(checkpoints.find(f"{data}-style-code"), prior=prior)
     if f"{data}-style-encoder" in checkpoints.names():
         model.encoder = StyleEncoder.load(checkpoints.find(f"{data}-style-encoder"), prior=prior)
@@ -354,8 +356,8 @@ class StyleCodeTransfer(FewShot):
     def _learn_example(self, example: Example) -> StyleCode:
         return self.learn(example.motion, example.labels.caption or None, title="")
 
-    def neutral_features(self, body: Motion, caption: str) -> Tensor:
-        """The neutral motion for one in some style, features [F, D], by `StyleCodeModel.neutral`."""
+    def neutral_features(self, body: Motion, caption: str, seed: int | None = None) -> Tensor:
+        """The neutral motion for one in some style, features [F, D], by `StyleCodeModel.neutral`; it draws nothing."""
         return self.codes.neutral(self.prior.encode(body), caption)
 
     def read_name(self, name: str) -> StyleCode:
