@@ -12,7 +12,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import zipfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -71,12 +70,8 @@ def reading() -> dict:
     ours = theirs = megabytes = 0.0
     with tempfile.TemporaryDirectory() as folder:
         for item in chosen:
-            path, source = Path(folder, f"{item.name}.bvh"), item.source
-            if source.member is None:
-                path.write_bytes(Path(source.path).read_bytes())
-            else:
-                with zipfile.ZipFile(source.path) as archive:
-                    path.write_bytes(archive.read(source.member))
+            path = Path(folder, f"{item.name}.bvh")
+            path.write_bytes(item.source.data())
             least = least_seconds(lambda p=path: mk.load(p), lambda p=path: BVH().load(str(p)))
             ours, theirs, megabytes = ours + least[0], theirs + least[1], megabytes + path.stat().st_size / 1e6
     note = f"pymotion {megabytes / theirs:.3g} in the same run; {len(chosen)} clips of {megabytes:.1f} MB in all"
