@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import torch
-from scipy.interpolate import CubicSpline
 from torch import Tensor
 
 from . import kinematics
@@ -261,6 +260,8 @@ class Motion:
 
 def _splined(rows: Tensor, times: Tensor) -> Tensor:
     """Rows [F, ...] of at least two frames, read at times [N] by cubic splines."""
+    from scipy.interpolate import CubicSpline  # a third of a second, which `import motionkit` need not take
+
     return torch.from_numpy(CubicSpline(range(len(rows)), rows.detach().double().cpu())(times.cpu())).to(rows)
 
 

@@ -57,7 +57,7 @@ def test_no_frames_is_one_clear_error(walk):
 
 @pytest.mark.slow
 def test_importing_the_kit_loads_no_heavy_library():
-    heavy = ("plotly", "matplotlib", "anywidget", "IPython")
+    heavy = ("plotly", "matplotlib", "anywidget", "IPython", "scipy", "sklearn", "accelerate", "joblib", "pooch")
     code = f"import sys, motionkit, motionkit.viewer; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert ast.literal_eval(done.stdout) == []
