@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+import motionkit as mk
+
 ROOT = Path(__file__).resolve().parent.parent
 ARCHIVE = "Bandai-Namco-Research-Motiondataset-74ead3b.zip"
 CONTENTS = ("walk", "raise-up-both-hands")
@@ -53,3 +55,15 @@ def root(tmp_path: Path) -> Path:
     """An empty folder for a test to put clips in."""
     (tmp_path / "data").mkdir()
     return tmp_path / "data"
+
+
+@pytest.fixture(scope="session")
+def walk():
+    """The performer's neutral walk."""
+    return mk.load(ROOT / "data" / "actor" / "walk_neutral.bvh")
+
+
+@pytest.fixture(scope="session")
+def proud():
+    """The performer's proud walk."""
+    return mk.load(ROOT / "data" / "actor" / "walk_proud.bvh")

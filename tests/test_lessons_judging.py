@@ -100,7 +100,7 @@ def test_cells_are_per_cent_of_their_row_and_empty_ones_stay_empty():
     counts = torch.tensor([[3, 1, 0], [0, 8, 0], [1, 0, 399]])
     ax = plot_confusion(counts, ["walk", "run", "jump"], "content").axes[0]
     assert cells(ax) == {(0, 0): "75", (0, 1): "25", (1, 1): "100", (2, 0): "<1", (2, 2): "100"}
-    assert ax.get_title(loc="left") == "content: 100 % right"  # 410 of 412
+    assert ax.get_title(loc="left") == "content: accuracy 100 %"  # 410 of 412
     assert [t.get_text() for t in ax.get_yticklabels()] == ["walk", "run", "jump"]
     assert ax.images[0].get_array()[0].tolist() == [75, 25, 0]
 
@@ -108,12 +108,12 @@ def test_cells_are_per_cent_of_their_row_and_empty_ones_stay_empty():
 def test_accuracy_in_the_title_is_the_metrics():
     scores, labels = cloud(90, 9), torch.arange(90) % 9
     title = plot_confusion(mk.metrics.confusion(scores, labels), list("abcdefghi")).axes[0].get_title(loc="left")
-    assert title == f"{mk.metrics.recognition_accuracy(scores, labels):.0f} % right"
+    assert title == f"accuracy {mk.metrics.recognition_accuracy(scores, labels):.0f} %"
 
 
 def test_a_class_without_clips_leaves_an_empty_row():
     ax = plot_confusion(torch.tensor([[2, 0], [0, 0]]), ["walk", "run"]).axes[0]
-    assert cells(ax) == {(0, 0): "100"} and ax.get_title(loc="left") == "100 % right"
+    assert cells(ax) == {(0, 0): "100"} and ax.get_title(loc="left") == "accuracy 100 %"
 
 
 def test_twelve_classes_beside_eight_can_be_read():
@@ -121,7 +121,7 @@ def test_twelve_classes_beside_eight_can_be_read():
     tables[0][3, 4] = tables[1][3, 4] = 30  # a cell neither light nor dark
     names = [[f"content_{n:02}" for n in range(12)], [f"style_{n}" for n in range(8)]]
     picture = plot_confusion(tables, names, ["content", "style"])
-    assert [ax.get_title(loc="left") for ax in picture.axes] == ["content: 60 % right", "style: 68 % right"]
+    assert [ax.get_title(loc="left") for ax in picture.axes] == ["content: accuracy 60 %", "style: accuracy 68 %"]
     assert picture.get_size_inches()[0] <= 11 and len(picture._repr_png_()) < 60_000
     for ax in picture.axes:
         boxes = [text.get_window_extent() for text in ax.texts]

@@ -1,25 +1,11 @@
 """Figures: bones, sizes, places beside each other, contacts, and what is sent to the browser."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from looking import clip, dog
 
 import motionkit as mk
 from motionkit.viewer import figure as bodies
-
-ROOT = Path(__file__).resolve().parent.parent
-
-
-@pytest.fixture(scope="module")
-def walk():
-    return mk.load(ROOT / "data" / "actor" / "walk_neutral.bvh")
-
-
-@pytest.fixture(scope="module")
-def proud():
-    return mk.load(ROOT / "data" / "actor" / "walk_proud.bvh")
 
 
 def test_a_root_left_on_the_ground_is_no_bone_and_does_not_count_for_size(walk):

@@ -3,7 +3,6 @@
 import base64
 import html.parser
 import io
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,18 +14,6 @@ import motionkit as mk
 from motionkit.viewer import colours
 from motionkit.viewer import figure as bodies
 from motionkit.viewer import player as players
-
-ROOT = Path(__file__).resolve().parent.parent
-
-
-@pytest.fixture(scope="module")
-def walk():
-    return mk.load(ROOT / "data" / "actor" / "walk_neutral.bvh")
-
-
-@pytest.fixture(scope="module")
-def proud():
-    return mk.load(ROOT / "data" / "actor" / "walk_proud.bvh")
 
 
 def test_wrong_arguments_say_what_was_expected(walk):

@@ -2,7 +2,6 @@
 
 import io
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,18 +9,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import motionkit as mk
 from motionkit.viewer import colours, plots
-
-ROOT = Path(__file__).resolve().parent.parent
-
-
-@pytest.fixture(scope="module")
-def walk():
-    return mk.load(ROOT / "data" / "actor" / "walk_neutral.bvh")
-
-
-@pytest.fixture(scope="module")
-def proud():
-    return mk.load(ROOT / "data" / "actor" / "walk_proud.bvh")
 
 
 def test_a_strip_has_the_poses_rows_and_colours_asked_for(walk, proud):

@@ -1,7 +1,6 @@
 """Scenes: small, whole, and every bone once."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,18 +9,7 @@ import motionkit as mk
 from motionkit.viewer import figure as bodies
 from motionkit.viewer import scenes
 
-ROOT = Path(__file__).resolve().parent.parent
 MIME = "application/vnd.plotly.v1+json"
-
-
-@pytest.fixture(scope="module")
-def walk():
-    return mk.load(ROOT / "data" / "actor" / "walk_neutral.bvh")
-
-
-@pytest.fixture(scope="module")
-def proud():
-    return mk.load(ROOT / "data" / "actor" / "walk_proud.bvh")
 
 
 def test_a_scene_is_small_and_holds_the_motion(walk, proud):

@@ -33,17 +33,17 @@ _SHOWN = 2000  # dots a cloud; more only make the picture larger
 
 
 def plot_clouds(
-    a: Tensor, b: Tensor, labels: Sequence[str] = ("real", "made"), *, parts: bool = False, ax: object = None
+    a: Tensor, b: Tensor, labels: Sequence[str] = ("real", "generated"), *, parts: bool = False, ax: object = None
 ) -> object:
     """Two clouds of points, the Gaussians that stand for them, and the Fréchet distance between these (FMD).
 
     a: [N, 2], b: [M, 2], at least 3 rows each. A cloud has a cross at its mean, and ellipses at 1 and 2 standard
-    deviations. parts: write also what of the distance comes from the means and what from the spreads. ax: matplotlib
+    deviations. parts: write also how much comes from the means and how much from the covariances. ax: matplotlib
     axes to draw into. Returns the matplotlib Figure. Raises MotionKitError where a covariance cannot be had.
 
     >>> cloud = torch.randn(200, 2, generator=torch.Generator().manual_seed(0))
     >>> plot_clouds(cloud, cloud + torch.tensor([3.0, 0.0]), parts=True).axes[0].get_title(loc="left")
-    'FMD 9.00 = means 9.00 + spreads 0.00'
+    'FMD 9.00 = means 9.00 + covariances 0.00'
     """
     if len(labels) != 2:
         raise MotionKitError(f"plot_clouds: expected two labels, one a cloud; found {list(labels)}")
@@ -61,7 +61,7 @@ def plot_clouds(
         ax.plot(*mean.tolist(), "+", color=ink, ms=11, mew=2.2, zorder=4, label=f"{name}: {len(cloud):,}")
     title = f"FMD {distance:.2f}"
     if parts:
-        title += f" = means {means:.2f} + spreads {max(distance - means, 0):.2f}"
+        title += f" = means {means:.2f} + covariances {max(distance - means, 0):.2f}"
     ax.set_title(title, fontsize=11, color=INK, loc="left")
     ax.set_aspect("equal", adjustable="datalim")
     style_axes(ax)
@@ -151,7 +151,7 @@ def _distance(a: Tensor, b: Tensor, shift: float) -> float:
 def plot_confusion(
     counts: Tensor | Sequence[Tensor], labels: Sequence[str] | Sequence[Sequence[str]], title: str | Sequence[str] = ""
 ) -> StaticFigure:
-    """What a classifier takes each class for: rows are the truth, columns what it found, cells per cent of the row.
+    """A confusion matrix: rows are the true class, columns the predicted one, cells per cent of the row.
 
     counts: [C, C], as `mk.metrics.confusion` gives; or a list of them, drawn side by side, with a list of labels and of
     titles for each. labels: the C classes. Cells without a clip stay empty; the title ends with the share of all clips
@@ -159,7 +159,7 @@ def plot_confusion(
 
     >>> picture = plot_confusion(torch.tensor([[3, 1], [0, 4]]), ["walk", "run"], "content")
     >>> picture.axes[0].get_title(loc="left"), [text.get_text() for text in picture.axes[0].texts]
-    ('content: 88 % right', ['75', '25', '100'])
+    ('content: accuracy 88 %', ['75', '25', '100'])
     """
     if not isinstance(counts, list | tuple):
         counts, labels, title = [counts], [labels], [title]
@@ -177,8 +177,8 @@ def plot_confusion(
     for ax, table, names, text in zip(panels, tables, labels, titles):
         _draw_table(ax, table, list(names))
         share = 100 * np.trace(table) / table.sum() if table.sum() else math.nan
-        ax.set_title(f"{text}: {share:.0f} % right".removeprefix(": "), fontsize=10.5, color=INK, loc="left")
-    panels[0].set_ylabel("truth", color=SOFT, fontsize=9.5)
+        ax.set_title(f"{text}: accuracy {share:.0f} %".removeprefix(": "), fontsize=10.5, color=INK, loc="left")
+    panels[0].set_ylabel("true class", color=SOFT, fontsize=9.5)
     return picture
 
 
@@ -212,7 +212,7 @@ def _draw_table(ax: object, table: np.ndarray, labels: list[str]) -> None:
     places = range(len(labels))
     ax.set_xticks(places, labels, rotation=45, ha="right", rotation_mode="anchor", fontsize=small + 0.5, color=INK)
     ax.set_yticks(places, labels, fontsize=small + 0.5, color=INK)
-    ax.set_xlabel("found", color=SOFT, fontsize=9.5)
+    ax.set_xlabel("predicted class", color=SOFT, fontsize=9.5)
     ax.tick_params(length=0)
     ax.set_xticks(np.arange(len(labels) + 1) - 0.5, minor=True)
     ax.set_yticks(np.arange(len(labels) + 1) - 0.5, minor=True)

@@ -344,7 +344,7 @@ class FewShot(StyleTransfer):
     """
 
     name = "few-shot"
-    version = 2
+    version = 3
 
     def __init__(
         self,
